@@ -26,7 +26,7 @@ from gsedit.cameras.search import ViewConstraints
 from gsedit.datasets.cameras_json import cameras_file, read_cameras
 from gsedit.datasets.view_list_files import HELD_OUT_EVERY
 from gsedit.datasets.viewpoints import Viewpoint, rendered, same_size, thinned
-from gsedit.editing.routes.apply import apply_instruction
+from gsedit.editing.painters import apply_instruction
 from gsedit.editors import make_editor
 from gsedit.errors import GseditError
 from gsedit.formats.pictures import as_picture
@@ -150,7 +150,7 @@ def edits(shown: Shown, instructions: Sequence[str]) -> Iterator[Gaussians | Non
         try:
             if i == DRAWN:
                 views = rendered(shown.scene, shown.viewpoints)
-                yield gsedit.edit(shown.scene, text, editor=make_editor(), dataset=views).scene
+                yield gsedit.edit(shown.scene, text, editor=make_editor(), views=views).scene
                 continue
             read = read_instruction(text)
             yield apply_instruction(shown.scene, read, lambda _: subject, cameras).scene

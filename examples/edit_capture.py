@@ -28,7 +28,7 @@ def run(path: str, data: str, prompt: str, seeds: int = 3) -> None:
                 scene,
                 prompt,
                 editor=make_editor("closed-form"),  # it knows the ground truth
-                dataset=dataset,
+                views=dataset,
                 settings=settings,
                 generator=torch.Generator().manual_seed(seed),
             )

@@ -52,7 +52,7 @@ def run(folder: Path, count: int = 10_000, size: int = 256, **options) -> None:
     """Edit, and leave the scene and a sheet of originals, edited pictures and renders."""
     scene = surface_gaussians(demo_scene(), count, torch.Generator().manual_seed(0))
     data = around(scene, size, up=torch.tensor([0, 0, 1]).double())
-    result = gsedit.edit(scene, "fade it", editor=Fade(), dataset=data, **options)
+    result = gsedit.edit(scene, "fade it", editor=Fade(), views=data, **options)
     gsedit.save(result.scene, folder / "scene.ply", overwrite=True)
     rows = [("original", result.originals), ("Fade", result.targets), ("scene", result.finals)]
     save_picture(contact_sheet(rows), folder / "before_after.png", overwrite=True)

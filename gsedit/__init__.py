@@ -15,15 +15,14 @@ if TYPE_CHECKING:
     from gsedit.cameras.paths import camera_path
     from gsedit.datasets.dataset import Dataset, View
     from gsedit.datasets.load import load_dataset
-    from gsedit.editing.auto import edit
-    from gsedit.editing.edit import edit_steps
-    from gsedit.editing.session.folder import write_edit
-    from gsedit.editing.session.result import EditResult
-    from gsedit.editing.session.settings import EditSettings
+    from gsedit.editing.edit import edit, edit_steps
+    from gsedit.editing.folder import write_edit
+    from gsedit.editing.result import EditResult
     from gsedit.errors import GseditError, InputError, UsageError
     from gsedit.fitting.fit import FitResult, fit, fit_steps
     from gsedit.fitting.settings import FitSettings
     from gsedit.formats.scenes import load, save
+    from gsedit.paper.settings import EditSettings
     from gsedit.pictures.animations import write_gif, write_mp4
     from gsedit.pictures.frames import Animation
     from gsedit.pictures.maps import render_maps

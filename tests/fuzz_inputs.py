@@ -21,7 +21,7 @@ from gsedit.datasets.cameras_json import read_cameras, write_cameras
 from gsedit.datasets.export_frame import applied_by
 from gsedit.datasets.view_list_files import by_capture, read_view_list, write_view_list
 from gsedit.datasets.viewpoints import Viewpoint
-from gsedit.editing.session.folder import history_of
+from gsedit.editing.folder import history_of
 from gsedit.formats.flags import read_flags, write_flags
 from gsedit.measures.against import resolve_reference
 from gsedit.runs.journal import read_events

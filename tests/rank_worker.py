@@ -12,10 +12,10 @@ from gsedit import Dataset, EditSettings, FitSettings, edit_steps, fit_steps
 from gsedit.cameras.orbit import circle
 from gsedit.datasets.dataset import capture
 from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editing.strategies.single_pass import SinglePass
 from gsedit.editors import Capabilities, EditProgress, make_editor
 from gsedit.errors import GseditError
 from gsedit.fitting.settings import UpdateSettings
+from gsedit.paper.strategies.single_pass import SinglePass
 from gsedit.runs.ranks import Ranks, join
 from gsedit.synthetic import demo_scene, surface_gaussians
 
@@ -67,7 +67,7 @@ def run_edit(ranks: Ranks, editor, views: int, rounds: int = 1):
     )
     scene, data = captured()
     *_, result = edit_steps(
-        scene, "as gold", editor=editor, generator=generator(), dataset=data,
+        scene, "as gold", editor=editor, generator=generator(), views=data,
         settings=settings, strategy=SinglePass(6), ranks=ranks,
     )  # fmt: skip
     return {

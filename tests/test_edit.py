@@ -12,12 +12,12 @@ import gsedit
 from gsedit import Checkpoint, Dataset, EditResult, EditSettings, Event, edit_steps
 from gsedit.datasets.dataset import capture
 from gsedit.diffusion.settings import SamplerDefaults, SamplerSettings
-from gsedit.editing.session.presets import find_preset
-from gsedit.editing.strategies.single_pass import SinglePass
 from gsedit.editors import Capabilities, make_editor
 from gsedit.errors import UsageError
 from gsedit.fitting.settings import UpdateSettings
 from gsedit.fitting.update import Target, rates, update_steps
+from gsedit.paper.presets import find_preset
+from gsedit.paper.strategies.single_pass import SinglePass
 from gsedit.synthetic import demo_scene, ring_cameras, scenes, surface_gaussians
 from rasterizer import concatenate
 
@@ -48,7 +48,7 @@ def run(scene, data, editor, settings=SMALL, seed=0, prompt=PROMPT, steps=20):
             prompt,
             editor=editor,
             generator=generator,
-            dataset=data,
+            views=data,
             settings=settings,
             strategy=SinglePass(steps),
         )
@@ -215,7 +215,7 @@ def test_requests_that_cannot_be_met_are_refused_before_any_work(scene, data):
     with pytest.raises(UsageError, match="update steps"):
         SinglePass(0)
     with pytest.raises(UsageError, match=r"SinglePass\(\)"):
-        gsedit.edit(scene, PROMPT, dataset=data, strategy=SinglePass)
+        gsedit.edit(scene, PROMPT, views=data, strategy=SinglePass)
 
 
 def test_an_update_lowers_the_loss(scene, data):

@@ -52,7 +52,7 @@ def test_no_import_runs_in_a_circle():
     paths = {module_name(path): path for path in sources(*PACKAGES)}
     graph = {name: imported(path, set(paths)) for name, path in paths.items()}
     assert graph["gsedit_cli.verbs.edit"]
-    assert graph["gsedit.editing.strategies.single_pass"]
+    assert graph["gsedit.paper.strategies.single_pass"]
     list(TopologicalSorter(graph).static_order())  # raises CycleError, with the circle
 
 

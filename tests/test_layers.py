@@ -18,6 +18,7 @@ ORDER = {
         "doctor",
         "capture",
         "editing",
+        "paper",
         "editors",
         "models",
         "editor_protocol",

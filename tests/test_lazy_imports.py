@@ -22,7 +22,7 @@ def python(code: str) -> subprocess.CompletedProcess[str]:
         "gsedit.errors",
         "gsedit.formats",
         "gsedit.diffusion.settings",
-        "gsedit.editing.session.settings",
+        "gsedit.paper.settings",
         "gsedit.fitting.settings",
         "gsedit.formats.table",
         "rasterizer.numerics",

@@ -12,9 +12,9 @@ import gsedit
 from gsedit import Dataset, EditResult, Event, edit_steps
 from gsedit.datasets.dataset import capture
 from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editing.session.actions import Strategy
 from gsedit.editors import Capabilities, EditBatch, EditProgress, make_editor
 from gsedit.fitting.settings import UpdateSettings
+from gsedit.paper.actions import Strategy
 from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
 from rasterizer import Gaussians
 
@@ -78,7 +78,7 @@ def run(
         PROMPT,
         editor=editor or Watched(),
         generator=torch.Generator().manual_seed(0),
-        dataset=data(),
+        views=data(),
         settings=settings,
         strategy=strategy,
     )

@@ -11,7 +11,7 @@ from threading import Thread
 
 LOADED = (
     "torch",
-    "gsedit.editing.routes.result",
+    "gsedit.editing.measure",
     "gsedit.words.called",
     "gsedit.words.understanding",
     "gsedit_cli.verbs.edit",

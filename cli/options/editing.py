@@ -18,10 +18,10 @@ from .settings import Layout, Setting, Values, choices_text, settings_of, with_v
 
 if TYPE_CHECKING:
     from gsedit.diffusion.settings import Precision
-    from gsedit.editing.session.actions import Strategy
-    from gsedit.editing.session.presets import Preset
-    from gsedit.editing.session.settings import EditSettings
     from gsedit.editors import Editor
+    from gsedit.paper.actions import Strategy
+    from gsedit.paper.presets import Preset
+    from gsedit.paper.settings import EditSettings
 
 EDITOR, STRATEGY, SAMPLING, UPDATE = "2D editor", "Strategy", "Sampling", "Scene update"
 STEPS = {
@@ -160,8 +160,8 @@ def edit_settings(own: Iterable[str] = ()) -> list[Setting]:
 
     `own`: the flags of the verb's other options. Raises TypeError as `strategy_options` does.
     """
-    from gsedit.editing.session.settings import EditSettings
-    from gsedit.editing.strategies import DEFAULT, find_strategy, strategy_names
+    from gsedit.paper.settings import EditSettings
+    from gsedit.paper.strategies import DEFAULT, find_strategy, strategy_names
 
     strategies = {name: find_strategy(name) for name in strategy_names()}
     choice = Setting(
@@ -221,7 +221,7 @@ def resolve(preset: str, values: Values, own: Iterable[str] = ()) -> tuple[EditS
     `own`: the flags of the verb's other options, which decide those that an error message names.
     Raises UsageError for a value out of range, and an option that another strategy has.
     """
-    from gsedit.editing.session.presets import find_preset
+    from gsedit.paper.presets import find_preset
 
     shared = {path: value for path, value in values.items() if path[0] != "strategy"}
     chosen = {
@@ -234,7 +234,7 @@ def resolve(preset: str, values: Values, own: Iterable[str] = ()) -> tuple[EditS
 
 def idle_options(values: Values, settings: EditSettings, own: Iterable[str]) -> list[str]:
     """Return the flags that were given and do nothing, since colors are solved for at once."""
-    from gsedit.editing.strategies import DEFAULT
+    from gsedit.paper.strategies import DEFAULT
 
     if not settings.solves or values.get(("strategy",), DEFAULT) != DEFAULT:
         return []
@@ -243,7 +243,7 @@ def idle_options(values: Values, settings: EditSettings, own: Iterable[str]) -> 
 
 def make_strategy(name: str | None, values: Values, own: Iterable[str], preset: Preset) -> Strategy:
     """Make the strategy of a name, or the default. Raises UsageError for a foreign option."""
-    from gsedit.editing.strategies import DEFAULT, find_strategy, strategy_names
+    from gsedit.paper.strategies import DEFAULT, find_strategy, strategy_names
 
     name = name or DEFAULT
     for path in values:

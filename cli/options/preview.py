@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING
 from gsedit.errors import UsageError
 
 from ..core.console import print_message, print_result
-from .cameras import ViewOptions
-from .editing import EditorOptions, at_size, what_it_understood
+from ..core.kernel import say_kernel
+from .cameras import ViewOptions, resolve_cameras
+from .editing import EditorOptions, at_size
 from .masks import MaskOptions
-from .routes import OBJECTS, names_of, numbered, prepare, read_sentence
-from .settings import Values
+from .routes import OBJECTS, asks_editor, names_of, numbered, read_sentence
+from .settings import Values, with_values
 
 if TYPE_CHECKING:
     from rasterizer.scene import Gaussians
@@ -42,40 +43,39 @@ def run_preview(
     as_json: bool,
 ) -> None:
     """Write the picture. Raises UsageError for a sentence that is refused, as the edit does."""
-    from gsedit.editing.preview import preview_edited, preview_routed
-    from gsedit.editing.routes.apply import is_exact
+    from gsedit.cameras.around import FOUND_VIEWS
+    from gsedit.datasets.viewpoints import same_size
+    from gsedit.editing.plan import is_exact
+    from gsedit.editing.preview import preview_edited, preview_exact
     from gsedit.formats.pictures import save_picture
+    from gsedit.paper.settings import EditSettings
     from gsedit.storage.atomic import check_writable
 
     check_writable(path, overwrite=force)
-    steps = read_sentence(instruction, editor, values, scene)
-    read = None if steps is None else steps[0]
-    direct = read is not None and is_exact(read)
-    if direct and len(seeds) > 1:
-        raise UsageError(f"{read} has one result, whatever the seed: leave out --seeds")
-    words = instruction if read is None else read.text
-    precision = values.get(("sampler", "precision"), "auto")
-    followed = None if direct else editor.make(path.parent, words, precision)
-    ready = prepare(scene, load, views, values)
-    if steps is not None and len(steps) > 1:
-        print_message(f"the first of {len(steps)} edits: {words}")
-    given, viewpoints, settings = ready.scene, ready.viewpoints, ready.settings
-    if followed is not None:
-        masks.check_unused()
+    steps = read_sentence(instruction, scene, drawn=asks_editor(editor, values))
+    first, exact = steps[0], is_exact(steps[0])
+    if exact and len(seeds) > 1:
+        raise UsageError(f"{first} has one result, whatever the seed: leave out --seeds")
+    names = names_of(scene, masks, steps[:1])
+    own = {at: value for at, value in values.items() if at[0] != "strategy"}
+    settings = with_values(EditSettings(), own)
+    followed = None if exact else editor.make(path.parent, first.text, settings.sampler.precision)
+    gaussians = load()
+    say_kernel(settings.execution)
+    resolved = resolve_cameras(scene, gaussians, views, FOUND_VIEWS, settings.execution)
+    viewpoints = same_size(resolved.viewpoints, views.pixels)
+    if len(steps) > 1:
+        print_message(f"the first of {len(steps)} steps: {first.text}")
     if followed is None:
-        assert read is not None
-        print_message(f"understood as: {read}")
-        names = names_of(scene, masks, read)
-        with numbered(path.with_name(OBJECTS), ready):
-            found = preview_routed(given, read, viewpoints, settings, names)
+        print_message(f"understood as: {first}")
+        with numbered(path.with_name(OBJECTS), gaussians, viewpoints):
+            found = preview_exact(gaussians, first, viewpoints, settings, names)
         for note in found.notes:
             print_message(note)
     else:
-        if understood := what_it_understood(followed, words):
-            print_message(understood)
         settings = at_size(settings, followed, views.size)
         found = preview_edited(
-            given, words, viewpoints[0].camera, followed, seeds, settings.sampler,
+            gaussians, first.text, viewpoints[0].camera, followed, seeds, settings.sampler,
             settings.execution, settings.edit_size,
         )  # fmt: skip
     save_picture(found.picture(), path, overwrite=force)

@@ -15,8 +15,8 @@ from ..core.console import print_message, print_result
 from ..options.common import Common, Force
 
 if TYPE_CHECKING:
-    from gsedit.editing.session.presets import Preset
     from gsedit.editors import Listing
+    from gsedit.paper.presets import Preset
 
     from ..options.settings import Setting
 
@@ -115,7 +115,7 @@ def list_masks(*, as_json: bool) -> None:
 
 def list_presets(*, as_json: bool) -> None:
     """Print the options that each preset of `gsedit edit` sets."""
-    from gsedit.editing.session.presets import PRESETS
+    from gsedit.paper.presets import PRESETS
 
     from .edit import all_settings
 
@@ -128,7 +128,7 @@ def list_presets(*, as_json: bool) -> None:
 
 def preset_values(preset: Preset, settings: Iterable[Setting]) -> dict[str, Any]:
     """Return by flag the values of a preset that are not the defaults."""
-    from gsedit.editing.session.settings import EditSettings
+    from gsedit.paper.settings import EditSettings
 
     values: dict[str, Any] = {}
     for setting in settings:

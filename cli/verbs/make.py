@@ -19,7 +19,7 @@ from ..core.stages import Ledger, Stage, check_stages, run_stages
 from ..options.cameras import ViewOptions
 from ..options.common import Force, Seeded
 from ..options.editing import EditorOptions
-from ..options.routes import read_sentence
+from ..options.routes import asks_editor, read_sentence
 from ..options.settings import Layout, Setting, SettingsGroup, Values, settings_of
 from .capture import Source, capture_summary, run_capture, settings_from
 from .edit import EditCommand, EditOptions, Instruction, run_edit
@@ -121,12 +121,11 @@ class Work:
         else:
             check_places(self.photos, self.out / "capture")
             check_frames(self.photos, self.posing)
-        from gsedit.editing.routes.apply import is_exact
+        from gsedit.editing.plan import is_exact
 
-        steps = read_sentence(self.instruction, self.editor, {})
-        drawn = [self.instruction] if steps is None else []
-        for words in drawn or [step.text for step in steps or () if not is_exact(step)]:
-            self.editor.make(self.edit, words)
+        for step in read_sentence(self.instruction, drawn=asks_editor(self.editor, {})):
+            if not is_exact(step):
+                self.editor.make(self.edit, step.text)
 
     def check_no_posing(self) -> None:
         """Raise UsageError where photos that have poses are to be posed in some way."""

@@ -257,18 +257,18 @@ def tint(
     execution: Execution,
 ) -> Gaussians:
     """The scene with the region tinted; what the region holds is printed."""
-    from gsedit.editing.session.choose_region import find_region
+    from gsedit.editing.parts import drawn_region
     from gsedit.editors import make_editor
+    from gsedit.select.finder import Finder
     from gsedit.select.region import tinted
 
-    found = find_region(
-        scene,
-        region,
-        dataset=resolved.dataset(scene, execution),
-        editor=make_editor(editor),
-        prompt=prompt,
-        execution=execution,
-    )
+    finder = Finder(scene, resolved.viewpoints, region, execution=execution)
+    found = drawn_region(finder, make_editor(editor), prompt)
+    if found is None:
+        raise UsageError(
+            f"what {prompt!r} is about is known only from its edited views: gsedit edit finds it, "
+            "and writes region.npy; or name the part with --region"
+        )
     print_message(f"region: {found}")
     return tinted(scene, found)
 

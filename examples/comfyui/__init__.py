@@ -55,7 +55,7 @@ class EditScene:
         scene = gsedit.load(ply_path)
         views = around(scene)
         generator = torch.Generator().manual_seed(seed)
-        result = gsedit.edit(scene, sentence, dataset=views, generator=generator)
+        result = gsedit.edit(scene, sentence, views=views, generator=generator)
         name = hashlib.sha256(f"{ply_path}\n{sentence}\n{seed}".encode()).hexdigest()[:8]
         made = _output_folder() / f"{Path(ply_path).stem}-{name}.ply"
         gsedit.save(result.scene, made, overwrite=True)

@@ -26,7 +26,7 @@ from gsedit.cameras.around import find_viewpoints
 from gsedit.cameras.orbit import circle
 from gsedit.datasets.load import load_dataset
 from gsedit.datasets.viewpoints import Viewpoint, viewpoints_of
-from gsedit.editing.routes.apply import apply_change
+from gsedit.editing.painters import apply_change
 from gsedit.formats.scenes import load
 from gsedit.measures.decibels import psnr_from_rmse
 from gsedit.measures.metrics import NEAREST, pooled_rmse, squared_error

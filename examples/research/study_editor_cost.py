@@ -19,11 +19,11 @@ from diffusers.models.autoencoders.autoencoder_kl import AutoencoderKL
 from diffusers.models.unets.unet_2d_condition import UNet2DConditionModel
 
 from gsedit.diffusion.schedules import Schedule
-from gsedit.editing.session.presets import find_preset
 from gsedit.editor_protocol import Cost, EditBatch
 from gsedit.editors.sampling import DiffusionEditor
 from gsedit.models.runtimes import make_runtime
 from gsedit.models.stable_diffusion import Pix2Pix, TextEncoder
+from gsedit.paper.presets import find_preset
 from research.command import print_result, run
 
 SIZE = 256  # pixels

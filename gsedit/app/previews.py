@@ -17,13 +17,15 @@ from gsedit.app.frames import SMALL_SCENE
 from gsedit.app.loaded import Loaded
 from gsedit.app.memory import give_back
 from gsedit.app.reading import Reading, editor_2d, read
-from gsedit.editing.preview import SHOWN_PIXELS, preview_edited
-from gsedit.editing.routes.apply import Routed, is_exact
-from gsedit.editing.routes.result import FINDS_SUBJECT, change_scene
-from gsedit.editing.session.settings import EditSettings
+from gsedit.editing.edit import change_steps
+from gsedit.editing.measure import Changed
+from gsedit.editing.parts import SUBJECT
+from gsedit.editing.plan import is_exact
+from gsedit.editing.preview import preview_edited, shown_by
 from gsedit.errors import GseditError
+from gsedit.paper.settings import EditSettings
+from gsedit.runs.events import returned
 from gsedit.select.finder import Finder, Names
-from gsedit.select.lift import lift
 from gsedit.select.saved import saved_files
 from rasterizer.camera import Camera
 
@@ -44,7 +46,7 @@ class Previewer:
     def __init__(self, loaded: Loaded, region: Path | None) -> None:
         """`region`: file of the selected Gaussians; None: the sentence says what changes."""
         self.loaded = loaded
-        self.settings = EditSettings(region=FINDS_SUBJECT if region is None else str(region))
+        self.settings = EditSettings(region=SUBJECT if region is None else str(region))
 
     def is_exact(self, reading: Reading) -> bool:
         """Whether the preview is a scene; else it is a picture of one view."""
@@ -56,17 +58,15 @@ class Previewer:
         return any(each.route in SLOW_ROUTES for each in changes)
 
     @torch.no_grad()
-    def scene(self, reading: Reading, camera: Camera | None = None) -> Routed:
+    def scene(self, reading: Reading, camera: Camera | None = None) -> Changed:
         """The scene with the first edit of a sentence; with a camera what it sees is right, the
-        rest may keep its reflections. Raises UsageError as `change_scene` does."""
+        rest may keep its reflections. Raises UsageError as `change_steps` does."""
         assert reading.first is not None  # what is refused has no preview
         scene, shown = self.loaded.scene, None
         if camera is not None:
-            ones = torch.ones(camera.height, camera.width)
-            shown = lift(scene, [camera], [ones], self.settings.execution).weight > SHOWN_PIXELS
-        views, finder = self.finder.viewpoints, self.finder
+            shown = shown_by(scene, camera, self.settings.execution)
         with self.loaded.cache.used():
-            return change_scene(scene, reading.first, views, self.settings, shown, finder=finder)
+            return returned(change_steps(self.finder, (reading.first,), shown=shown))
 
     def picture(self, reading: Reading, camera: Camera) -> UInt8[np.ndarray, "h w 3"]:
         """One view as the 2D editor draws it. Raises UsageError as `preview_edited` does."""

@@ -10,8 +10,7 @@ from pathlib import Path
 
 from gsedit.app.places import Places
 from gsedit.app.wording import on_page
-from gsedit.editing.routes.apply import is_exact
-from gsedit.editing.routes.plan import steps_of
+from gsedit.editing.plan import is_exact, steps_of
 from gsedit.editor_protocol import Editor
 from gsedit.editors.registry import make_editor
 from gsedit.errors import UsageError

@@ -16,18 +16,18 @@ from gsedit.bench.results import markdown_table, write_measurements, write_text
 from gsedit.datasets.dataset import Dataset, capture
 from gsedit.diffusion.settings import SamplerSettings
 from gsedit.editing.edit import edit_steps
-from gsedit.editing.session.actions import Action, Strategy
-from gsedit.editing.session.edit_views import MEASURE, sample_views
-from gsedit.editing.session.progress import Work
-from gsedit.editing.session.session import Session, render_edited
-from gsedit.editing.session.settings import EditSettings
-from gsedit.editing.strategies import find_strategy
 from gsedit.editors import make_editor
 from gsedit.editors.looks.recipe import parse
 from gsedit.errors import UsageError
 from gsedit.fitting.settings import UpdateSettings
 from gsedit.measures.agreement import spread
 from gsedit.measures.decibels import psnr_from_rmse
+from gsedit.paper.actions import Action, Strategy
+from gsedit.paper.edit_views import MEASURE, sample_views
+from gsedit.paper.progress import Work
+from gsedit.paper.session import Session, render_edited
+from gsedit.paper.settings import EditSettings
+from gsedit.paper.strategies import find_strategy
 from gsedit.runs.events import Event, returned
 from gsedit.runs.stopwatch import Stopwatch
 from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
@@ -207,7 +207,7 @@ def _measure(plan: EditPlan) -> Iterator[Event | Point]:
         plan.instruction,
         editor=make_editor("closed-form"),
         generator=torch.Generator().manual_seed(0),
-        dataset=Dataset(capture(scene, cameras, names)),
+        views=Dataset(capture(scene, cameras, names)),
         settings=EditSettings(update=update, held_out_edits=0, region="all", coverage=1.0),
         strategy=Observed(find_strategy(plan.strategy)(**plan.options), observer),
     )

@@ -1,254 +1,177 @@
-"""Edit a scene from a sentence: prepare the session, run the strategy, evaluate the result."""
+"""Edit a scene from a sentence: the spine that the command line, the page and Python share."""
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator
-from dataclasses import replace
-from itertools import islice
-from textwrap import fill
-from typing import Any, NamedTuple
+from collections import deque
+from collections.abc import Generator, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import torch
+from jaxtyping import Bool
+from torch import Tensor
 
+from gsedit.cameras.around import find_viewpoints
 from gsedit.datasets.dataset import Dataset
-from gsedit.editing.estimate import Estimate, estimate_edit
-from gsedit.editing.session.actions import RollbackAction, Strategy
-from gsedit.editing.session.choose_region import choose_region
-from gsedit.editing.session.evaluate import evaluate_edit
-from gsedit.editing.session.progress import start_progress
-from gsedit.editing.session.request import Request, build_request, request_record
-from gsedit.editing.session.result import EditResult
-from gsedit.editing.session.session import Session
-from gsedit.editing.session.settings import EditSettings
-from gsedit.editing.session.state import (
-    SessionSnapshot,
-    check_resumable,
-    restore,
-    session_state,
-    stopwatch_of,
-    view_plan_of,
-)
-from gsedit.editing.session.strategy import asks_editor, name_of
-from gsedit.editing.session.survey import survey_views
-from gsedit.editing.session.unedited import UneditedRenders
-from gsedit.editing.skip.decide import explain_skips
-from gsedit.editing.skip.decision import TERMINAL_COLUMNS, Decision, one_line, screen
-from gsedit.editing.strategies.single_pass import SinglePass
-from gsedit.editing.view_plan import ViewPlan
+from gsedit.datasets.viewpoints import viewpoints_of
+from gsedit.editing.measure import Changed, measured, summed
+from gsedit.editing.painters import PAINTERS, Looking
+from gsedit.editing.parts import assumed, find_parts, in_region
+from gsedit.editing.plan import PICTURE, asks_editor_2d, is_exact, read_steps, runs_of
+from gsedit.editing.result import EditResult
 from gsedit.editor_protocol import Editor
 from gsedit.editors import make_editor
+from gsedit.errors import UsageError
 from gsedit.measures.features import FeatureExtractor
-from gsedit.runs.events import Checkpoint, Event, events_of, returned
-from gsedit.runs.journal import as_record
-from gsedit.runs.json_lines import plain
+from gsedit.objects.outcome import same
+from gsedit.paper.actions import Strategy
+from gsedit.paper.draw import EditPlan, draw, explain
+from gsedit.paper.request import Method, Request, Views, build_request
+from gsedit.paper.settings import EditSettings
+from gsedit.paper.strategies.single_pass import SinglePass
+from gsedit.runs.events import Checkpoint, Event
 from gsedit.runs.ranks import ALONE, Ranks
 from gsedit.runs.state import State
 from gsedit.runs.stopwatch import Stopwatch
+from gsedit.select.finder import Finder, Names
+from gsedit.select.region import Region
+from gsedit.words.instruction import Instruction
 from rasterizer.scene import Gaussians
+
+
+def edit(scene: Gaussians, sentence: str, views: Views | None = None, **how: Any) -> EditResult:
+    """Edit a scene from a sentence, to the end: the result of `edit_steps`, which says more."""
+    last = deque(edit_steps(scene, sentence, views, **how), maxlen=1).pop()
+    assert isinstance(last, EditResult)  # checkpoints are whole scenes: none is kept
+    return last
 
 
 def edit_steps(
     scene: Gaussians,
-    prompt: str,
-    *,
-    editor: Editor,
-    generator: torch.Generator,
-    dataset: Dataset | None = None,
-    settings: EditSettings | None = None,
-    strategy: Strategy | None = None,
-    features: FeatureExtractor | None = None,
-    resume: State | None = None,
-    ranks: Ranks = ALONE,
+    sentence: str,
+    views: Views | None = None,
+    **how: Any,
 ) -> Iterator[Event | Checkpoint | EditResult]:
-    """Edit a scene; yields events, a checkpoint now and then, and last the result.
+    """Edit a scene; yields events and checkpoints while a 2D editor draws, and last the result.
 
-    Without a dataset, views are found (gsedit.cameras.around); views of several sizes are framed in
-    the most frequent one. Every 8th view is never edited: there the result is measured. `strategy`
-    defaults to the single pass, `features` (of the Gram loss) to a bank of oriented filters. With
-    the state of a checkpoint, the same edit goes on from there: only later events are yielded, the
-    result has all. Every one of several `ranks` is given the same and yields the same. Raises
-    UsageError for an instruction the editor cannot follow, an empty scene, a strategy that is no
-    dataclass, or the state of another edit.
+    The sentence is read (gsedit.words), each change goes by its own route, and the editor `small`
+    draws what no route does. `views` are photos or cameras; None: some are found. `how`: see
+    `prepare`, which raises UsageError for a sentence that is refused.
     """
-    strategy = strategy or SinglePass()
-    given = {"dataset": dataset, "settings": settings, "features": features, "ranks": ranks}
-    request = build_request(scene, prompt, editor, generator, strategy, **given)
-    record = request_record(request)
-    ranks.check_same("the request", [record])
-    if resume is not None:
-        check_resumable(resume, record)
-    yield from _recorded(_run(request, resume), record, resume)
+    job = prepare(scene, sentence, views, **how)
+    watch, finder = Stopwatch(), job.finder
+    changed = yield from change_steps(finder, job.steps, job, watch)
+    yield measured(finder, changed, sentence, job.steps, job.settings, watch)
 
 
-class EditPlan(NamedTuple):
-    """The plan of an edit: work that is skipped, time and memory."""
+def change_steps(
+    finder: Finder,
+    steps: Sequence[Instruction],
+    job: Job | None = None,
+    watch: Stopwatch | None = None,
+    shown: Bool[Tensor, " n"] | None = None,
+) -> Generator[Event | Checkpoint, None, Changed]:
+    """Change the finder's scene by steps; all that they are about is found before any change.
 
-    decisions: tuple[Decision, ...]
-    """The work that it would skip, and why."""
-    estimate: Estimate | None
-    """Its time and memory; None where the editor takes little, or cannot be measured."""
-
-    def describe(self) -> str:
-        """Both as lines for a terminal."""
-        lines = screen(self.decisions)
-        if self.estimate is None:
-            return lines
-        return f"{lines}\n{fill(f'estimate: {self.estimate.describe()}', TERMINAL_COLUMNS)}"
+    `job` paints what is not exact. What is not `shown` (None: all is) may keep its old reflections,
+    as for one picture. Raises UsageError as the painters and `find_parts` do.
+    """
+    watch, scene = watch or Stopwatch(), finder.scene
+    steps = in_region(steps, finder.region)
+    with watch.stage("find"):
+        parts = find_parts(steps, finder, job and job.method and job.method.editor, shown)
+    looking, total, drawing = Looking(finder.cameras, finder.execution), same(scene), None
+    for step in steps:
+        for run in runs_of(step):
+            if is_exact(step):
+                with watch.stage("change"):
+                    made = PAINTERS[run[0].route](total.scene, run, parts.flags, looking)
+            elif job is None:
+                raise UsageError(f"{step} has no exact route: edit with --editor small")
+            else:
+                request = job.request(total.scene, step.text, parts.now(PICTURE))
+                made = drawing = yield from draw(request, job.resume)
+            parts, total = parts.after(run[0], made), total.then(made)
+    return summed(scene, steps, parts, total, drawing, assumed(steps, finder.names))
 
 
 def plan_edit(
     scene: Gaussians,
-    prompt: str,
+    sentence: str,
+    views: Views | None = None,
+    **how: Any,
+) -> EditPlan:
+    """Plan what a 2D editor draws first: nothing is edited, one evaluation is measured.
+
+    Raises UsageError as `edit_steps` does.
+    """
+    job = prepare(scene, sentence, views, **how)
+    assert job.method is not None
+    step = next(each for each in job.steps if not is_exact(each))
+    parts = find_parts((step,), job.finder, job.method.editor)
+    return explain(job.request(scene, step.text, parts.now(PICTURE)))
+
+
+@dataclass(frozen=True, eq=False)
+class Job:
+    """An edit that was read and checked: nothing of the scene was looked at yet."""
+
+    steps: tuple[Instruction, ...]
+    finder: Finder
+    views: Views
+    settings: EditSettings
+    method: Method | None
+    """How a 2D editor draws; None where none does."""
+    resume: State | None = None
+
+    def request(self, scene: Gaussians, sentence: str, region: Region | None) -> Request:
+        """The request to draw a sentence in a region of the scene as it is then."""
+        assert self.method is not None
+        return build_request(scene, sentence, self.views, region, self.settings, self.method)
+
+
+def prepare(
+    scene: Gaussians,
+    sentence: str,
+    views: Views | None = None,
     *,
-    editor: Editor | None = None,
-    dataset: Dataset | None = None,
     settings: EditSettings | None = None,
+    names: Names | None = None,
+    editor: Editor | None = None,
     strategy: Strategy | None = None,
     features: FeatureExtractor | None = None,
     generator: torch.Generator | None = None,
-) -> EditPlan:
-    """Plan an edit: nothing is edited, one evaluation is measured. Raises as `edit_steps` does."""
-    request = build_request(
-        scene, prompt, editor or make_editor(), generator or torch.Generator().manual_seed(0),
-        strategy or SinglePass(), dataset=dataset, settings=settings, features=features,
-    )  # fmt: skip
-    session = returned(start_session(request))
-    return EditPlan(explain_skips(session), estimate_edit(session))
+    resume: State | None = None,
+    ranks: Ranks = ALONE,
+) -> Job:
+    """Read a sentence, and check what is asked before any work.
 
-
-def _run(
-    request: Request, resume: State | None
-) -> Generator[Event | Checkpoint | EditResult, None, None]:
-    """Prepare the session, run the strategy's actions, and evaluate the result."""
-    if resume is None:
-        session = yield from start_session(request)
-    else:
-        session = resume_session(request, resume)
-    decisions, progress = explain_skips(session), session.progress
-    if resume is None:
-        yield Event("skip", progress.stopwatch.seconds, note=one_line(decisions))
-        if estimate := estimate_edit(session):
-            progress.work.evaluations += estimate.cost.spent
-            yield Event("estimate", progress.stopwatch.seconds, note=estimate.describe())
-    yield from run_schedule(session)
-    with progress.stopwatch.stage("measure"):
-        evaluated = yield from evaluate_edit(session)
-    yield evaluated.final.event("measure", progress.stopwatch.seconds)
-    yield EditResult(
-        prompt=request.prompt,
-        scene=evaluated.scene,
-        originals=evaluated.originals,
-        targets=tuple(progress.edited.targets.values()),
-        finals=evaluated.finals,
-        settings=request.settings,
-        strategy=request.strategy,
-        strategy_name=name_of(request.strategy),
-        view_plan=session.surveyed.plan,
-        region=evaluated.region,
-        metrics=evaluated.metrics,
-        work=progress.work,
-        decisions=decisions,
-        timings=progress.stopwatch.stages | {"total": progress.stopwatch.seconds},
-        held_out=evaluated.held_out,
-    )
-
-
-def _recorded(
-    items: Iterator[Event | Checkpoint | EditResult],
-    request: dict[str, Any],
-    resume: State | None,
-) -> Iterator[Event | Checkpoint | EditResult]:
-    """The items of an edit; checkpoints and the result get all events so far."""
-    events: list[Event] = []
-    if resume is not None:
-        events += events_of(resume)
-    for item in items:
-        match item:
-            case Event():
-                events.append(item)
-            case Checkpoint(state):
-                done = events[: len(events) - state.record["undone"]]
-                recorded = plain([as_record(event) for event in done])
-                item = replace(item, state=state.along_with(request=request, events=recorded))
-            case EditResult():
-                item = replace(item, events=tuple(events))
-        yield item
-
-
-def start_session(request: Request) -> Generator[Event, None, Session]:
-    """The session of a new edit; its optimizer is at the unedited scene."""
-    if asks_editor(request.strategy):
-        note = request.editor.capabilities.advice(request.prompt)
-        if note:
-            yield Event("advice", 0.0, note=note)
-    stopwatch = Stopwatch()
-    noise_seed = int(torch.randint(1 << 31, (), generator=request.generator))
-    session = yield from _session(request, stopwatch, noise_seed)
-    session.progress.edited.region = yield from choose_region(session.request, stopwatch)
-    return session
-
-
-def resume_session(request: Request, state: State) -> Session:
-    """The session of an interrupted edit, which goes on from the state."""
-    watch, noise_seed = stopwatch_of(state), state.record["noise_seed"]
-    session = returned(_session(request, watch, noise_seed, view_plan_of(state)))
-    restore(session, state)
-    return session
-
-
-def _session(
-    request: Request, stopwatch: Stopwatch, noise_seed: int, plan: ViewPlan | None = None
-) -> Generator[Event, None, Session]:
-    """A session that has not begun, of a request whose views are surveyed."""
-    request, surveyed = yield from survey_views(request, stopwatch, plan)
-    unedited = UneditedRenders(request, surveyed.renderings)
-    progress = start_progress(request, surveyed, unedited, stopwatch, noise_seed)
-    return Session(request, surveyed, unedited, progress)
-
-
-def run_schedule(session: Session) -> Iterator[Event | Checkpoint]:
-    """Run the actions of the strategy's schedule that are not done yet, in order.
-
-    Yields a checkpoint between actions when the settings' `checkpoint_seconds` have passed since
-    the last one, when asking the 2D editor fails or is interrupted, and at the end. Raises
-    GseditError where ranks no longer take the same decisions.
+    With an editor, a strategy, features, or a setting other than `region` and `execution`, the 2D
+    editor (`small` if none is given) draws all of it, by the strategy (the single pass). `names`
+    are those of saved selections, and masks for nouns. `resume` is the state of a checkpoint of the
+    same edit, `ranks` processes that share the work. Raises UsageError for a sentence that is
+    refused, masks that nothing asks for, an empty scene.
     """
-    request, work, stopwatch = session.request, session.progress.work, session.progress.stopwatch
-    saved_seconds, saved_actions = stopwatch.seconds, work.actions
-    for action in islice(request.strategy.schedule(session), work.actions, None):
-        due = stopwatch.seconds - saved_seconds >= request.settings.checkpoint_seconds
-        if due and work.actions > saved_actions:
-            saved_seconds, saved_actions = stopwatch.seconds, work.actions
-            yield checkpoint(session)
-        is_atomic = isinstance(action, RollbackAction)
-        yield from _run_atomically(action, session) if is_atomic else action(session)
-        work.actions += 1
-        request.ranks.check_same("the work", (work, request.generator.get_state()))
-    if work.actions > saved_actions:
-        yield checkpoint(session)
-
-
-def _run_atomically(action: RollbackAction, session: Session) -> Iterator[Event | Checkpoint]:
-    """Run an action; on failure, restore the session and yield a checkpoint of it as it was."""
-    snapshot, events = SessionSnapshot(session), 0
-    try:
-        for event in action(session):
-            events += 1
-            yield event
-    except GeneratorExit:
-        raise
-    except BaseException:  # Ctrl-C too
-        snapshot.restore(session)
-        if session.progress.work.actions:
-            yield checkpoint(session, undone=events)
-        raise
-
-
-def checkpoint(session: Session, undone: int = 0) -> Checkpoint:
-    """A checkpoint of the session; the last `undone` events belong to an action rolled back."""
-    return Checkpoint(
-        session_state(session).along_with(undone=undone),
-        session.progress.work.steps,
-        session.progress.stopwatch.seconds,
-        session.whole_scene,
-    )
+    if not len(scene):
+        raise UsageError("the scene is empty: there is nothing to edit")
+    settings, names = settings or EditSettings(), names or Names()
+    drawn = bool(editor or strategy or features or asks_editor_2d(settings))
+    steps = read_steps(sentence, tuple(names.saved), drawn=drawn)
+    method = None
+    if not all(map(is_exact, steps)):
+        generator = generator or torch.Generator().manual_seed(0)
+        method = Method(
+            editor or make_editor(), strategy or SinglePass(), generator, features, ranks
+        )
+        for step in steps:
+            if not is_exact(step):
+                method.check(step.text)
+    if names.masks is not None and not any(map(is_exact, steps)):
+        raise UsageError(
+            "masks find what is changed on the Gaussians, and a 2D editor draws this: save what "
+            "gsedit.select.masked.find_masked finds, and name it by settings.region"
+        )
+    views = views or find_viewpoints(scene, execution=settings.execution)
+    viewpoints = viewpoints_of(views) if isinstance(views, Dataset) else tuple(views)
+    finder = Finder(scene, viewpoints, settings.region, names, settings.execution)
+    return Job(steps, finder, views, settings, method, resume)

@@ -9,21 +9,24 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import torch
+from jaxtyping import Bool
 from PIL import Image
+from torch import Tensor
 
 from gsedit.datasets.dataset import View, evenly_spaced
 from gsedit.datasets.image_ops import downscale
 from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editing.guided import carry_change
-from gsedit.editing.routes.result import change_scene
-from gsedit.editing.session.settings import EditSettings
-from gsedit.editing.session.unedited import edit_camera
+from gsedit.editing.edit import change_steps
 from gsedit.editor_protocol import EditBatch, Editor
 from gsedit.formats.pictures import fitted_size
+from gsedit.paper.guided import carry_change
+from gsedit.paper.settings import EditSettings
+from gsedit.paper.unedited import edit_camera
 from gsedit.pictures.contact_sheet import contact_sheet
+from gsedit.runs.events import returned
 from gsedit.scene.picture import render_picture
-from gsedit.select.finder import Names
+from gsedit.select.finder import Finder, Names
 from gsedit.select.lift import lift
 from gsedit.words.instruction import Instruction
 from gsedit.words.phrases import IT
@@ -55,30 +58,36 @@ class Preview:
 
 
 @torch.no_grad()
-def preview_routed(
+def preview_exact(
     scene: Gaussians,
-    instruction: Instruction,
+    step: Instruction,
     viewpoints: Sequence[Viewpoint],
     settings: EditSettings | None = None,
     names: Names | None = None,
 ) -> Preview:
-    """The first view of a scene as exact routes change it, about as the whole edit will.
+    """The first view of a scene as the painters change it, about as the whole edit will.
 
     What names or changes objects is done on the whole scene, in all views, as the edit does it:
     fewer would find other objects. For looks the subject is searched in few views. Raises
-    UsageError as `change_scene`.
+    UsageError as `change_steps`.
     """
     settings, camera = settings or EditSettings(), viewpoints[0].camera
-    some, shown, changes = viewpoints, None, instruction.changes
+    some, shown, changes = viewpoints, None, step.changes
     if not any(each.route == "object" or each.phrase not in ("", IT) for each in changes):
         some = [viewpoints[i] for i in evenly_spaced(len(viewpoints), SEARCHED_VIEWS + 1)]
-        ones = torch.ones(camera.height, camera.width)
-        shown = lift(scene, [camera], [ones], settings.execution).weight > SHOWN_PIXELS
-    routed = change_scene(scene, instruction, some, settings, shown, names)
-    before, after = (render_picture(s, camera, settings.execution) for s in (scene, routed.scene))
-    found = () if routed.region.is_all else (f"region: {routed.region.note}",)
-    notes = (*found, *routed.notes)
+        shown = shown_by(scene, camera, settings.execution)
+    finder = Finder(scene, some, settings.region, names, settings.execution)
+    changed = returned(change_steps(finder, (step,), shown=shown))
+    before, after = (render_picture(s, camera, settings.execution) for s in (scene, changed.scene))
+    found = () if changed.region.is_all else (f"region: {changed.region.note}",)
+    notes = (*found, *changed.notes)
     return Preview(View("before", camera, before), (View("after", camera, after),), notes)
+
+
+def shown_by(scene: Gaussians, camera: Camera, execution: Execution) -> Bool[Tensor, " n"]:
+    """The Gaussians that a camera shows: for its picture, only they need new reflections."""
+    ones = torch.ones(camera.height, camera.width)
+    return lift(scene, [camera], [ones], execution).weight > SHOWN_PIXELS
 
 
 @torch.no_grad()

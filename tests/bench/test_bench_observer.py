@@ -8,8 +8,8 @@ from three_scenes import Swapped
 from gsedit import Dataset, EditSettings, edit_steps
 from gsedit.bench.edit import OWN, Observed, Observer
 from gsedit.datasets.dataset import capture
-from gsedit.editing.strategies.single_pass import SinglePass
 from gsedit.editor_protocol import Capabilities
+from gsedit.paper.strategies.single_pass import SinglePass
 from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
 
 
@@ -24,7 +24,7 @@ def observed(own=None):
     views = capture(scene, ring_cameras(demo_scene(), 9, 32), [str(i) for i in range(9)])
     observer = Observer(own=own)
     for _ in edit_steps(
-        scene, "as bronze", dataset=Dataset(views), editor=Unknown(),
+        scene, "as bronze", views=Dataset(views), editor=Unknown(),
         settings=EditSettings(batches=1, region="all", held_out_edits=0),
         strategy=Observed(SinglePass(update_steps=1), observer),
         generator=torch.Generator().manual_seed(0),

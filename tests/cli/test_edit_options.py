@@ -12,9 +12,9 @@ from gsedit_cli.verbs.fit import Recipe
 
 from gsedit import EditSettings
 from gsedit.editing import strategies
-from gsedit.editing.session.presets import find_preset
-from gsedit.editing.strategies.single_pass import SinglePass
 from gsedit.errors import UsageError
+from gsedit.paper.presets import find_preset
+from gsedit.paper.strategies.single_pass import SinglePass
 
 FLAGS = (
     "--steps --guidance --image-guidance --temperature --consensus --solver --memory --precision "

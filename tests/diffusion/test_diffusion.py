@@ -12,9 +12,9 @@ from gsedit.diffusion.guidance import Branches, Need, guide
 from gsedit.diffusion.sampler import Anchor, add_noise, levels_of, sample
 from gsedit.diffusion.schedules import Schedule
 from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editing.session.presets import Preset, find_preset
-from gsedit.editing.session.settings import EditSettings
 from gsedit.errors import UsageError
+from gsedit.paper.presets import Preset, find_preset
+from gsedit.paper.settings import EditSettings
 
 EPS32 = torch.finfo(torch.float32).eps
 

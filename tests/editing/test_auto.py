@@ -1,4 +1,4 @@
-"""Edits in which changes go by routes of their own, from Python."""
+"""The spine: changes of a sentence in their order, each by its painter, found before any change."""
 
 from __future__ import annotations
 
@@ -10,22 +10,18 @@ import torch
 
 import gsedit
 from gsedit.datasets.dataset import capture
-from gsedit.datasets.viewpoints import viewpoints_of
-from gsedit.editing.routes.plan import steps_of
-from gsedit.editing.routes.result import routed_result
-from gsedit.editing.session.settings import EditSettings
+from gsedit.editing.plan import read_steps, steps_of
 from gsedit.editors import make_editor
 from gsedit.errors import UsageError
 from gsedit.fitting.settings import UpdateSettings
-from gsedit.words.instruction import Change, Instruction
+from gsedit.paper.settings import EditSettings
+from gsedit.select.finder import Names
 from gsedit.words.read import read_instruction
-
-BRIGHTER = Change("scene", "tone", "brightness", None, 0.2, "tone")
 
 
 def test_python_edits_by_the_route_of_the_sentence(tmp_path):
     scene = tiny_edits.scene()
-    result = gsedit.edit(scene, "make it 20% brighter", dataset=tiny_edits.data())
+    result = gsedit.edit(scene, "make it 20% brighter", tiny_edits.data())
     assert result.strategy_name == "routes"
     assert result.understood is not None
     assert torch.allclose(result.scene.sh[:, 1:], 1.2 * scene.sh[:, 1:], atol=1e-5)
@@ -35,22 +31,24 @@ def test_python_edits_by_the_route_of_the_sentence(tmp_path):
     assert (tmp_path / "out" / "edit.json").is_file()
 
 
-def test_routes_take_turns_in_the_order_of_the_sentence(monkeypatch):
-    scene, data, asked = tiny_edits.scene(), tiny_edits.data(), []
-
-    def edit_steps(given, prompt, **_):
-        asked.append((given, prompt))
-        read = Instruction(prompt, True, "", (BRIGHTER,))
-        yield replace(routed_result(given, read, viewpoints_of(data)), strategy_name="drawn")
-
-    monkeypatch.setattr("gsedit.editing.auto.edit_steps", edit_steps)
+def test_painters_take_turns_in_the_order_of_the_sentence(tmp_path):
+    scene, data = tiny_edits.scene(), tiny_edits.data()
     words = "make it 20% brighter, then an impressionist painting, then in black and white"
-    result = gsedit.edit(scene, words, dataset=data)
-    (given, prompt), = asked  # fmt: skip
-    assert prompt != words
-    assert torch.allclose(given.sh[:, 1:], 1.2 * scene.sh[:, 1:], atol=1e-5)
+    quick = replace(tiny_edits.SETTINGS, region="all")
+    steps = read_steps(words)
+    assert [[each.route for each in step.changes] for step in steps] == [
+        ["tone"], ["small"], ["tone"],
+    ]  # fmt: skip
+    result = gsedit.edit(scene, words, data, settings=EditSettings(region=quick.region))
     gray = result.held_out.finals[0].image
-    assert float((gray - gray.mean(-1, keepdim=True)).abs().mean()) < 0.02
+    assert result.targets
+    assert float((result.targets[0].image - gray.mean()).abs().mean()) > 0.02
+    sh = result.scene.sh
+    assert float((sh - sh.mean(-1, keepdim=True)).abs().max()) < 1e-5
+    assert result.understood is not None
+    assert len(result.understood.changes) == 3
+    assert {"find", "change", "sample", "measure"} <= set(result.timings)
+    gsedit.write_edit(tmp_path / "out", result)
 
 
 def test_views_that_are_found_are_not_rendered_for_their_cameras(monkeypatch):
@@ -60,7 +58,7 @@ def test_views_that_are_found_are_not_rendered_for_their_cameras(monkeypatch):
         rendered.append(len(cameras))
         return capture(scene, cameras, *rest)
 
-    for module in ("datasets.viewpoints", "editing.routes.result"):
+    for module in ("datasets.viewpoints", "editing.measure"):
         monkeypatch.setattr(f"gsedit.{module}.capture", counted)
     result = gsedit.edit(scene, "make it 20% brighter, then in black and white")
     assert rendered  # the held-out views that are measured and shown
@@ -87,7 +85,7 @@ class Blank:
 
 
 def test_masks_are_refused_where_a_2d_editor_draws():
-    given = {"dataset": tiny_edits.data(), "masks": Blank()}
+    given = {"views": tiny_edits.data(), "names": Names(masks=Blank())}
     for prompt, editor in (("make it impressionist", None), ("make it darker", make_editor())):
         with pytest.raises(UsageError, match="a 2D editor draws this"):
             gsedit.edit(tiny_edits.scene(), prompt, editor=editor, **given)
@@ -95,14 +93,14 @@ def test_masks_are_refused_where_a_2d_editor_draws():
 
 def test_a_refused_sentence_is_an_error():
     with pytest.raises(UsageError, match="must not"):
-        gsedit.edit(tiny_edits.scene(), "do not paint it red", dataset=tiny_edits.data())
+        gsedit.edit(tiny_edits.scene(), "do not paint it red", tiny_edits.data())
 
 
 def test_what_changes_hardly_anything_is_told():
     scene, data = tiny_edits.scene(), tiny_edits.data()
-    gray = gsedit.edit(scene, "in black and white", dataset=data)
+    gray = gsedit.edit(scene, "in black and white", data)
     assert gray.notes == ()
-    again = gsedit.edit(gray.scene, "in black and white", dataset=data)
+    again = gsedit.edit(gray.scene, "in black and white", data)
     assert any("hardly anything changed" in note for note in again.notes)
 
 
@@ -114,13 +112,8 @@ def test_what_changes_hardly_anything_is_told():
         (EditSettings(update=UpdateSettings(loss="mse+gram")), True),
     ],
 )
-def test_a_setting_of_the_2d_editor_asks_for_it(monkeypatch, settings, drawn):
-    scene, data, asked = tiny_edits.scene(), tiny_edits.data(), []
+def test_a_setting_of_the_2d_editor_asks_for_it(settings, drawn):
+    from gsedit.editing.edit import prepare
 
-    def edit_steps(given, prompt, **_):
-        asked.append(prompt)
-        yield routed_result(given, Instruction(prompt, True, "", (BRIGHTER,)), viewpoints_of(data))
-
-    monkeypatch.setattr("gsedit.editing.auto.edit_steps", edit_steps)
-    gsedit.edit(scene, "make it 20% brighter", dataset=data, settings=settings)
-    assert bool(asked) == drawn
+    job = prepare(tiny_edits.scene(), "as a bronze statue", tiny_edits.data(), settings=settings)
+    assert (job.method is not None) == drawn

@@ -6,8 +6,8 @@ import torch
 from closeness import EPS32, assert_near
 
 from gsedit.datasets.image_ops import downscale
-from gsedit.editing.guided import carry_change
 from gsedit.measures.metrics import psnr
+from gsedit.paper.guided import carry_change
 
 WIDTH, HEIGHT = 90, 70
 SIZES = ((30, 20), (32, 25), (17, 13))

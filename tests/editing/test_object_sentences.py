@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 import torch
 from bench.staged import stage
+from changes import changed_by
 
 import gsedit
 from gsedit.datasets.dataset import Dataset, capture
 from gsedit.datasets.viewpoints import Viewpoint, viewpoints_of
-from gsedit.editing.preview import preview_routed
-from gsedit.editing.routes.result import assumed, change_scene
-from gsedit.editing.session.settings import EditSettings
+from gsedit.editing.parts import assumed
+from gsedit.editing.preview import preview_exact
 from gsedit.objects import segment
 from gsedit.scene.cache import SceneCache
 from gsedit.scene.picture import render_picture
-from gsedit.select.finder import Names
+from gsedit.select.finder import Finder, Names
 from gsedit.select.phrase import carrier
 from gsedit.words.read import read_instruction
 
@@ -35,9 +35,13 @@ def meadow():
         yield labelled, views
 
 
+def finder(labelled, views, names=None):
+    return Finder(labelled.scene, viewpoints_of(views), names=names)
+
+
 def test_what_is_named_is_removed_and_the_rest_is_lit_anew(meadow):
     labelled, views = meadow
-    result = gsedit.edit(labelled.scene, "remove the red one and make it darker", dataset=views)
+    result = gsedit.edit(labelled.scene, "remove the red one and make it darker", views=views)
     assert result.region_before is not None
     ball, post = (labelled.of(name) for name in ("red ball", "blue post"))
     known = torch.unique(result.scene.means, dim=0)
@@ -50,7 +54,7 @@ def test_what_is_named_is_removed_and_the_rest_is_lit_anew(meadow):
 def test_a_copy_is_painted_and_the_original_is_not(meadow):
     labelled, views = meadow
     words = "duplicate the red one and paint it green"
-    result = gsedit.edit(labelled.scene, words, dataset=views)
+    result = gsedit.edit(labelled.scene, words, views=views)
     ball = labelled.of("red ball")
     count = len(labelled.scene)
     assert len(result.scene) > count + 0.8 * ball.sum()
@@ -77,7 +81,7 @@ class Segmenter:
 def test_with_masks_nouns_are_what_a_network_finds(meadow):
     labelled, views = meadow
     words = "keep only the post"
-    result = gsedit.edit(labelled.scene, words, dataset=views, masks=Segmenter())
+    result = gsedit.edit(labelled.scene, words, views=views, names=Names(masks=Segmenter()))
     assert result.region_before is not None
     kept = ~result.region_before.inside
     assert kept[labelled.of("blue post")].float().mean() > 0.9
@@ -89,8 +93,7 @@ def test_a_saved_name_is_what_it_was_saved_as(meadow, tmp_path):
     ball = labelled.of("red ball")
     np.save(tmp_path / "globe.npy", ball.numpy())
     names = Names({"globe": tmp_path / "globe.npy"})
-    read = read_instruction("keep only the globe")
-    routed = change_scene(labelled.scene, read, viewpoints_of(views), names=names)
+    routed = changed_by("keep only the globe", finder(labelled, views, names))
     assert torch.equal(routed.scene.means, labelled.scene.means[ball])
 
 
@@ -104,18 +107,18 @@ def test_a_saved_name_is_what_it_was_saved_as(meadow, tmp_path):
 def test_what_is_not_there_or_not_plain_is_an_error_of_one_line(meadow, sentence, told):
     labelled, views = meadow
     with pytest.raises(gsedit.UsageError, match=told) as error:
-        gsedit.edit(labelled.scene, sentence, dataset=views)
+        gsedit.edit(labelled.scene, sentence, views=views)
     assert "\n" not in str(error.value)
 
 
 def test_a_noun_that_nobody_knows_is_told_to_be_the_main_subject(meadow):
     labelled, views = meadow
-    done = change_scene(labelled.scene, read_instruction("keep only the car"), viewpoints_of(views))
+    done = changed_by("keep only the car", finder(labelled, views))
     assert done.notes[0] == "'the car' was taken for the main subject"
     ball = labelled.of("red ball")
     assert len(done.scene) < 1.1 * ball.sum()
     plain = read_instruction("keep only it")
-    assert assumed(plain, EditSettings(), Names()) == ()
+    assert assumed((plain,), Names()) == ()
 
 
 @pytest.mark.parametrize("name", ["corner"])
@@ -123,7 +126,7 @@ def test_where_several_objects_are_comparable_an_unknown_noun_is_refused(name):
     labelled = stage(name).gaussians(3000)
     views = [Viewpoint(str(i), camera) for i, camera in enumerate(stage(name).training(64))]
     with pytest.raises(gsedit.UsageError, match="no main subject stands out") as error:
-        change_scene(labelled.scene, read_instruction("remove the car"), views)
+        changed_by("remove the car", Finder(labelled.scene, views))
     assert "'object 1' (yellow, in the m" in str(error.value)
     assert "--as car" in str(error.value)
     assert "\n" not in str(error.value)
@@ -139,9 +142,7 @@ def test_a_table_is_what_carries_things():
 
 def test_a_look_reaches_what_a_phrase_names(meadow):
     labelled, views = meadow
-    changed = change_scene(
-        labelled.scene, read_instruction("make the blue one darker"), viewpoints_of(views)
-    )
+    changed = changed_by("make the blue one darker", finder(labelled, views))
     different = (changed.scene.sh != labelled.scene.sh).flatten(1).any(dim=1)
     assert different[labelled.of("blue post")].float().mean() > 0.9
     assert different[labelled.of("red ball")].float().mean() < 0.1
@@ -149,16 +150,15 @@ def test_a_look_reaches_what_a_phrase_names(meadow):
 
 def test_a_look_of_what_is_not_there_is_refused(meadow):
     labelled, views = meadow
-    read = read_instruction("make the purple bear darker")
     with pytest.raises(gsedit.UsageError, match="main subject"):
-        change_scene(labelled.scene, read, viewpoints_of(views))
+        changed_by("make the purple bear darker", finder(labelled, views))
 
 
 def test_a_preview_is_of_the_objects_that_the_edit_finds(meadow):
     labelled, views = meadow
     asked, viewpoints = read_instruction("remove the red one"), viewpoints_of(views)
-    shown = preview_routed(labelled.scene, asked, viewpoints)
-    done = change_scene(labelled.scene, asked, viewpoints)
+    shown = preview_exact(labelled.scene, asked, viewpoints)
+    done = changed_by(asked.text, finder(labelled, views))
     with torch.no_grad():
         picture = render_picture(done.scene, viewpoints[0].camera)
     torch.testing.assert_close(shown.after[0].image, picture, atol=1e-4, rtol=0)

@@ -7,8 +7,8 @@ import torch
 from captures import around, facade, room, statue, statue_with_close_ups
 
 from gsedit import EditSettings, orbit
-from gsedit.editing import view_plan
-from gsedit.editing.view_plan import (
+from gsedit.paper import view_plan
+from gsedit.paper.view_plan import (
     MOST_LEFT,
     ViewPlan,
     plan_views,

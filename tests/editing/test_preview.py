@@ -8,12 +8,14 @@ from research.labelled import statue
 
 from gsedit.cameras.orbit import circle
 from gsedit.datasets.viewpoints import Viewpoint
-from gsedit.editing.preview import preview_edited, preview_routed
-from gsedit.editing.routes.result import change_scene
-from gsedit.editing.session.settings import EditSettings
+from gsedit.editing.edit import change_steps
+from gsedit.editing.preview import preview_edited, preview_exact
 from gsedit.editors import Capabilities, EditProgress, make_editor
 from gsedit.measures.metrics import psnr
+from gsedit.paper.settings import EditSettings
+from gsedit.runs.events import returned
 from gsedit.scene.picture import render_picture
+from gsedit.select.finder import Finder
 from gsedit.words.read import read_instruction
 
 SIZE = 48
@@ -33,7 +35,7 @@ def viewpoints(labelled):
 
 def test_a_tone_of_the_scene_is_previewed_exactly(labelled, viewpoints):
     scene = labelled.gaussians
-    found = preview_routed(scene, read_instruction("make it 20% darker"), viewpoints)
+    found = preview_exact(scene, read_instruction("make it 20% darker"), viewpoints)
     with torch.no_grad():
         before = render_picture(scene, viewpoints[0].camera)
     assert torch.equal(found.before.image, before)
@@ -45,11 +47,10 @@ def test_a_preview_of_a_material_is_as_the_edit_shows_it(labelled, viewpoints):
     """Reflections are computed of what the view shows: the picture is that of the whole edit."""
     scene, asked = labelled.gaussians, read_instruction("make it polished bronze")
     inside = EditSettings(region="sphere:0,0,0,0.3")
-    found = preview_routed(scene, asked, viewpoints, inside)
+    found = preview_exact(scene, asked, viewpoints, inside)
     with torch.no_grad():
-        whole = render_picture(
-            change_scene(scene, asked, viewpoints, inside).scene, viewpoints[0].camera
-        )
+        changed = returned(change_steps(Finder(scene, viewpoints, inside.region), (asked,)))
+        whole = render_picture(changed.scene, viewpoints[0].camera)
     assert psnr(found.after[0].image, whole) > 40
     assert psnr(found.before.image, whole) < 30
 

@@ -16,11 +16,11 @@ from gsedit.diffusion.sampler import levels_of
 from gsedit.diffusion.schedules import Schedule
 from gsedit.diffusion.settings import SamplerSettings
 from gsedit.editing.edit import plan_edit
-from gsedit.editing.estimate import Estimate, cheaper, duration
-from gsedit.editing.session.presets import find_preset
 from gsedit.editor_protocol import Cost
 from gsedit.editors import EditBatch
 from gsedit.editors.sampling import DiffusionEditor
+from gsedit.paper.estimate import Estimate, cheaper, duration
+from gsedit.paper.presets import find_preset
 
 pytestmark = pytest.mark.usefixtures("offline")
 SETTINGS = replace(
@@ -36,7 +36,7 @@ def request(model) -> dict:
     return {
         "editor": DiffusionEditor(model),
         "generator": torch.Generator().manual_seed(0),
-        "dataset": tiny_edits.data(),
+        "views": tiny_edits.data(),
         "settings": SETTINGS,
     }
 

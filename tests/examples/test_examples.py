@@ -19,9 +19,9 @@ from write_an_editor import Fade, run
 import gsedit
 from gsedit.cameras.orbit import circle
 from gsedit.datasets.viewpoints import Viewpoint
-from gsedit.editing.strategies.single_pass import SinglePass
 from gsedit.editors import Editor
 from gsedit.fitting.settings import UpdateSettings
+from gsedit.paper.strategies.single_pass import SinglePass
 from gsedit.runs.journal import read_events
 
 

@@ -7,14 +7,14 @@ from dataclasses import replace
 
 import pytest
 import torch
+from changes import Known, changed_by, painted
 
 from gsedit.cameras.place import light_note, place_of
-from gsedit.editing.routes.apply import apply_change, apply_instruction
 from gsedit.errors import UsageError
 from gsedit.light.named import LIGHTS, direction_of, setup_of
 from gsedit.light.relight import relit
 from gsedit.light.setup import Fog, Lamp, LightSetup, Sun
-from gsedit.select.region import Region, everything
+from gsedit.select.region import everything
 from gsedit.words import direct
 from gsedit.words.instruction import Change
 from gsedit.words.read import read_instruction
@@ -124,7 +124,7 @@ def test_an_object_that_is_alone_is_seen_at_night_and_more_light_is_brighter(sce
 def test_only_what_brings_light_is_remarked_on_as_light(scene):
     lone = scene[:600]
     for sentence, said in (("night", True), ("snow", True), ("autumn", False), ("sketch", False)):
-        found = apply_instruction(lone, read_instruction(sentence), everything, ring())
+        found = changed_by(sentence, Known(lone, cameras=ring()))
         assert any("dim light" in note for note in found.notes) == said
 
 
@@ -161,7 +161,7 @@ def test_fog_hides_the_far_more_than_the_near(scene):
 def test_outside_a_region_no_bit_changes(scene):
     inside = scene.means[:, 2] > 0.5
     change = Change("subject", "light", "night", None, None, "light")
-    after = apply_change(scene, change, Region(inside), cameras=ring())
+    after = painted(scene, change, inside, ring()).scene
     assert torch.equal(after.sh[~inside], scene.sh[~inside])
     assert not torch.equal(after.sh[inside], scene.sh[inside])
     assert torch.equal(after.means, scene.means)
@@ -193,7 +193,7 @@ def test_directions_in_words(words, azimuth, elevation):
 def test_a_light_out_of_range_or_unknown_is_refused(scene, name, amount):
     change = Change("scene", "light", name, None, amount, "light")
     with pytest.raises(UsageError, match=r"out of range|there is no light"):
-        apply_change(scene, change, everything(scene), cameras=ring())
+        painted(scene, change, everything(scene).inside, ring())
 
 
 def test_more_of_a_night_is_darker_and_of_a_lamp_brighter(scene):
@@ -201,7 +201,7 @@ def test_more_of_a_night_is_darker_and_of_a_lamp_brighter(scene):
         change = Change("scene", "light", name, None, None, "light")
         more = replace(change, amount=0.5)
         whole = everything(scene)
-        one, two = (apply_change(scene, c, whole, cameras=ring()) for c in (change, more))
+        one, two = (painted(scene, c, whole.inside, ring()).scene for c in (change, more))
         assert sign * (shown(two).mean() - shown(one).mean()) > 0.005
 
 

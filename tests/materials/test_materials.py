@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import torch
 from bench.reflective import Finish, LitSolid, captured, garden, plain_base
+from changes import Known, changed_by, painted
 
-from gsedit.editing.routes.apply import apply_change, apply_instruction
 from gsedit.errors import UsageError
 from gsedit.materials.apply import displayed, fitted, in_material
 from gsedit.materials.carving import Relief, engraved
@@ -21,7 +21,6 @@ from gsedit.materials.shading import environment_brdf
 from gsedit.materials.table import MATERIALS
 from gsedit.scene.picture import render_picture
 from gsedit.scene.quaternions import even_directions
-from gsedit.select.region import Region
 from gsedit.surface.normals import rows_near
 from gsedit.synthetic import ring_cameras, scenes
 from gsedit.words import lexicon
@@ -144,9 +143,7 @@ def test_metal_is_nearer_to_its_exact_picture_than_paint(ball):
     finish = Finish(plain_base((0.725, 0.522, 0.314)), 1.0, 0.38)
     held_out = ring_cameras(lit.solid, 1, 64, elevation=33.0, start=-20.0)[0]
     metal = in_material(scene, own, BRONZE, cameras).scene
-    paint = apply_change(
-        scene, read_instruction("paint it #b98550").changes[0], Region(own), None, cameras
-    )
+    paint = painted(scene, read_instruction("paint it #b98550").changes[0], own, cameras).scene
     errors = [subject_error(each, lit, held_out, finish) for each in (metal, paint, scene)]
     assert errors[0] < min(errors[1:])
 
@@ -191,9 +188,7 @@ def test_an_object_alone_is_lit_by_a_studio(ball):
     _, scene, own, _ = ball
     alone = scene[own]
     instruction = read_instruction("turn it into a bronze statue")
-    routed = apply_instruction(
-        alone, instruction, lambda each: Region(torch.ones(len(each), dtype=torch.bool))
-    )
+    routed = changed_by(instruction.text, Known(alone))
     assert any("studio" in note for note in routed.notes)
     assert float(routed.scene.sh.std()) > 0
 
@@ -253,9 +248,9 @@ def test_a_dark_stripe_of_another_hue_goes(ball):
     rows = own & (scene.means[:, 2].abs() < 0.15)
     striped = scene.sh.clone()
     striped[rows, 0] = (torch.tensor((0.1, 0.35, 0.1)) - 0.5) / SH_DC
-    painted = replace(scene, sh=striped)
+    over_stripes = replace(scene, sh=striped)
     plain, over = (in_material(each, own, MATERIALS["plaster"], cameras).scene
-                   for each in (scene, painted))  # fmt: skip
+                   for each in (scene, over_stripes))  # fmt: skip
     before = np.abs((striped - scene.sh)[rows, 0].numpy()).mean()
     after = np.abs((over.sh - plain.sh)[rows, 0].numpy()).mean()
     assert after < 0.4 * before

@@ -22,10 +22,10 @@ from research.paper.verdicts import verdict_of
 
 from gsedit.bench.edit import EXACT, Point
 from gsedit.diffusion.sampler import levels_of
-from gsedit.editing.session.presets import PRESETS
 from gsedit.editors import EditBatch
 from gsedit.editors.sampling import DiffusionEditor
 from gsedit.errors import InputError, UsageError
+from gsedit.paper.presets import PRESETS
 
 CASE = Case("globe", "make it night", 32, 1, 32, 150, 9)
 SHORT = Arm("paper", "paper", options={"update_steps": 12}, settings={"batches": 1})

@@ -37,7 +37,7 @@ def test_sds_approaches_the_truth_without_any_edited_picture():
 def test_sds_needs_a_diffusion_model(tmp_path):
     program = Command("true {input} {output}", folder=tmp_path)
     with pytest.raises(UsageError, match="needs a diffusion model"):
-        edit(scene(), PROMPT, editor=program, dataset=data(), settings=SETTINGS, strategy=Sds())
+        edit(scene(), PROMPT, editor=program, views=data(), settings=SETTINGS, strategy=Sds())
 
 
 def test_clip_brings_pictures_nearer_to_the_text(tmp_path):

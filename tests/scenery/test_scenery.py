@@ -7,15 +7,14 @@ from dataclasses import replace
 
 import pytest
 import torch
+from changes import painted
 
-from gsedit.editing.routes.apply import apply_change
 from gsedit.errors import UsageError
 from gsedit.light.present import survey
 from gsedit.scenery.cover import snow
 from gsedit.scenery.named import SCENERIES, in_scenery
 from gsedit.scenery.seasons import autumn
 from gsedit.scenery.setting import Setting, greenness
-from gsedit.select.region import Region
 from gsedit.surface.noise import noise
 from gsedit.words import direct
 from gsedit.words.instruction import Change
@@ -144,7 +143,7 @@ def test_wet_ground_is_darker_and_mirrors_the_sky_at_a_low_angle(scene):
 def test_outside_a_region_no_coefficient_changes(scene, name):
     inside = scene.means[:, 0] > 0
     change = Change("subject", "look", name, None, None, "scenery")
-    after = apply_change(scene, change, Region(inside), cameras=ring())
+    after = painted(scene, change, inside, ring()).scene
     assert after.sh.isfinite().all()
     assert torch.equal(after.sh[~inside, :1], scene.sh[~inside])
     assert not after.sh[~inside, 1:].any()

@@ -13,7 +13,7 @@ from point_clouds import cloud
 from gsedit.cameras.orbit import circle
 from gsedit.datasets.undistort import Lens, undistort, undistortion
 from gsedit.datasets.viewpoints import Viewpoint
-from gsedit.editing.routes.rivals import SeveralObjects, check_alone
+from gsedit.editing.rivals import SeveralObjects, check_alone
 from gsedit.select.drawn import read_masks
 from gsedit.select.region import Region
 from gsedit.select.remembered import LEAST, remembered_region, remembered_segments

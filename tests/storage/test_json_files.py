@@ -12,7 +12,7 @@ from gsedit import load_dataset
 from gsedit.datasets.cameras_json import read_cameras
 from gsedit.datasets.export_frame import applied_by, read_dataparser
 from gsedit.datasets.view_list_files import read_view_list
-from gsedit.editing.session.folder import history_of
+from gsedit.editing.folder import history_of
 from gsedit.errors import InputError
 from gsedit.storage.json_files import (
     MAX_BYTES,

@@ -16,13 +16,7 @@ from torch import Tensor
 from gsedit.bench.edit import EXACT, Observed, Observer, nearest_truth
 from gsedit.bench.provenance import provenance
 from gsedit.diffusion.sampler import levels_of
-from gsedit.editing.edit import edit_steps
-from gsedit.editing.session.actions import Strategy
-from gsedit.editing.session.presets import find_preset
-from gsedit.editing.session.result import EditResult
-from gsedit.editing.session.session import Session, render_edited
-from gsedit.editing.session.settings import EditSettings
-from gsedit.editing.strategies import find_strategy
+from gsedit.editing.result import EditResult
 from gsedit.editor_protocol import Editor
 from gsedit.editors import make_editor
 from gsedit.editors.looks.recipe import parse
@@ -30,6 +24,12 @@ from gsedit.editors.sampling import DiffusionEditor
 from gsedit.fitting.loss_terms import LossTerm
 from gsedit.fitting.settings import UpdateSettings
 from gsedit.measures.decibels import rmse_from_psnr
+from gsedit.paper.actions import Strategy
+from gsedit.paper.draw import edit_steps
+from gsedit.paper.presets import find_preset
+from gsedit.paper.session import Session, render_edited
+from gsedit.paper.settings import EditSettings
+from gsedit.paper.strategies import find_strategy
 from research.paper.arms import PAPER, PAPER_T_END
 from research.paper.cases import load_case
 from research.paper.runs import Case, Record, Run, read_record, write_record
@@ -90,7 +90,7 @@ def measure_run(run: Run) -> Record:
         run.case.prompt,
         editor=_editor(run.editor),
         generator=torch.Generator().manual_seed(run.seed),
-        dataset=dataset,
+        views=dataset,
         settings=settings_of(run),
         strategy=Observed(strategy_of(run), observer),
     )

@@ -31,7 +31,7 @@ def main(
     require_new(output)
     descent: Any = Sds(steps) if clip is None else Clip(steps, folder=clip)
     steps_of = edit_steps(
-        load(scene), sentence, editor=make_editor(editor), dataset=load_dataset(data),
+        load(scene), sentence, editor=make_editor(editor), views=load_dataset(data),
         generator=torch.Generator().manual_seed(0), strategy=descent,
     )  # fmt: skip
     result = collect(steps_of)[-1]

@@ -22,8 +22,8 @@ import torch.nn.functional as F
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.editing.session.session import Session
 from gsedit.formats.pictures import fitted_size
+from gsedit.paper.session import Session
 from rasterizer.camera import Camera
 from research.strategies.descent import Descent
 

@@ -11,10 +11,10 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from gsedit.editing.session.actions import MAX_STEPS_AT_ONCE, Action
-from gsedit.editing.session.fit_targets import REPORT_EVERY_STEPS
-from gsedit.editing.session.session import Session, seen_gaussians
 from gsedit.fitting.update import FINAL_RATE
+from gsedit.paper.actions import MAX_STEPS_AT_ONCE, Action
+from gsedit.paper.fit_targets import REPORT_EVERY_STEPS
+from gsedit.paper.session import Session, seen_gaussians
 from gsedit.runs.events import Event
 from rasterizer.camera import Camera
 from rasterizer.render import render

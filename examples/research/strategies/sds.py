@@ -12,11 +12,11 @@ from gsedit.datasets.padding import pad_to_multiple
 from gsedit.diffusion.guided import predict_guided
 from gsedit.diffusion.predictions import as_pair
 from gsedit.diffusion.sampler import add_noise
-from gsedit.editing.session.edit_views import batch_of
-from gsedit.editing.session.session import Session
 from gsedit.editor_protocol import for_settings
 from gsedit.editors.sampling import Counted, padded, with_subject_mask
 from gsedit.errors import UsageError
+from gsedit.paper.edit_views import batch_of
+from gsedit.paper.session import Session
 from rasterizer.camera import Camera
 from research.strategies.descent import Descent
 

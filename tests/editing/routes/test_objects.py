@@ -9,15 +9,16 @@ import numpy as np
 import pytest
 import tiny_edits
 import torch
+from changes import Known, changed_by
 
 import gsedit
-from gsedit.editing.routes.apply import apply_instruction
-from gsedit.editing.routes.objects import apply_objects, carry_masks, group_placements
-from gsedit.editing.session.settings import EditSettings
+from gsedit.editing.parts import Parts, in_region
+from gsedit.editing.placements import paint_objects
+from gsedit.editing.plan import runs_of
 from gsedit.errors import UsageError
 from gsedit.objects.outcome import NEW, Outcome
-from gsedit.select.region import Region
-from gsedit.words.instruction import Change, Instruction, Place
+from gsedit.paper.settings import EditSettings
+from gsedit.words.instruction import Change, Place
 from gsedit.words.read import read_instruction
 from rasterizer.scene import Gaussians, concatenate
 
@@ -28,16 +29,6 @@ def flags(rows: slice, count: int = 1000) -> torch.Tensor:
     inside = torch.zeros(count, dtype=torch.bool)
     inside[rows] = True
     return inside
-
-
-def subject(scene: Gaussians) -> Region:
-    return Region(flags(SUBJECT), "the subject")
-
-
-def named(scene: Gaussians, phrase: str) -> Region:
-    if phrase != "the red one":
-        raise UsageError(f"nothing is called {phrase}")
-    return Region(flags(RED), phrase)
 
 
 @pytest.fixture(autouse=True)
@@ -66,12 +57,9 @@ def operations(monkeypatch):
 
 
 def applied(sentence: str, shown: torch.Tensor | None = None):
-    read = read_instruction(sentence)
-    assert read.known, read.why
-    data = tiny_edits.data()
-    cameras = [view.camera for view in data.views]
-    scene = tiny_edits.scene()
-    return apply_instruction(scene, read, subject, cameras, shown=shown, find_named=named)
+    cameras = [view.camera for view in tiny_edits.data().views]
+    known = {"the red one": flags(RED)}
+    return changed_by(sentence, Known(tiny_edits.scene(), flags(SUBJECT), cameras, known), shown)
 
 
 def repainted(after: Gaussians, rows: torch.Tensor) -> torch.Tensor:
@@ -121,11 +109,11 @@ def test_new_background_is_background_and_a_copy_is_not():
     scene = tiny_edits.scene()
     known = {"subject": flags(SUBJECT), "background": ~flags(SUBJECT), "scene": flags(slice(None))}
     change = Change("subject", "object", "remove", None, None, "object", "it")
-    after = carry_masks(known, change, apply_objects(scene, [change], known))
+    after = Parts({}, known).after(change, paint_objects(scene, [change], known)).flags
     assert after["background"].all()
     assert not after["subject"].any()
     copy = replace(change, name="copy", place=Place("beside", "it"))
-    after = carry_masks(known, copy, apply_objects(scene, [copy], known))
+    after = Parts({}, known).after(copy, paint_objects(scene, [copy], known)).flags
     assert not after["background"][1000:].any()
     assert after["the copy"][1000:].all()
     assert after["scene"].all()
@@ -137,7 +125,7 @@ def test_new_background_is_background_and_a_copy_is_not():
 def test_what_is_empty_or_all_is_no_object(inside, words):
     change = Change("subject", "object", "remove", None, None, "object", "it")
     with pytest.raises(UsageError, match=words):
-        apply_objects(tiny_edits.scene(), [change], {"subject": flags(inside)})
+        paint_objects(tiny_edits.scene(), [change], {"subject": flags(inside)})
 
 
 @pytest.mark.parametrize(
@@ -151,9 +139,9 @@ def test_what_is_empty_or_all_is_no_object(inside, words):
     ],
 )  # fmt: skip
 def test_what_places_one_object_is_done_at_once(sentence, done):
-    changes = read_instruction(sentence).changes
-    grouped = list(group_placements(changes))
-    assert [each for run in grouped for each in run] == list(changes)
+    read = read_instruction(sentence)
+    grouped = list(runs_of(read))
+    assert [each for run in grouped for each in run] == list(read.changes)
     assert [len(run) for run in grouped] == done
 
 
@@ -166,7 +154,7 @@ def test_an_edit_of_objects_from_python_is_written_with_both_regions(tmp_path):
     scene, region = tiny_edits.scene(), tmp_path / "red.npy"
     np.save(region, flags(RED).numpy())
     result = gsedit.edit(
-        scene, "remove it", dataset=tiny_edits.data(), settings=EditSettings(region=str(region))
+        scene, "remove it", views=tiny_edits.data(), settings=EditSettings(region=str(region))
     )
     gsedit.write_edit(tmp_path / "out", result)
     assert np.load(tmp_path / "out" / "region_before.npy").sum() == 100
@@ -180,17 +168,14 @@ def test_an_edit_of_objects_from_python_is_written_with_both_regions(tmp_path):
     assert result.metrics.psnr_outside_region is not None
     gsedit.write_edit(
         tmp_path / "out",
-        gsedit.edit(scene, "20% brighter", dataset=tiny_edits.data()),
+        gsedit.edit(scene, "20% brighter", views=tiny_edits.data()),
         overwrite=True,
     )
     assert not (tmp_path / "out" / "region_before.npy").exists()
 
 
 def test_a_region_is_what_every_phrase_names():
-    read = Instruction("", True, "", read_instruction("remove the red one").changes)
-    from gsedit.editing.routes.result import in_region
-
-    (change,) = in_region(read.changes)
-    assert (change.target, change.phrase) == ("subject", "")
-    (insert,) = in_region(read_instruction("insert a.ply beside the bear").changes)
-    assert insert.phrase == "a.ply"
+    (step,) = in_region([read_instruction("remove the red one")], "sphere:0,0,0,1")
+    assert (step.changes[0].target, step.changes[0].phrase) == ("subject", "")
+    (step,) = in_region([read_instruction("insert a.ply beside the bear")], "sphere:0,0,0,1")
+    assert step.changes[0].phrase == "a.ply"

@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 import torch
 from bench.reflective import Finish, LitSolid, captured, garden, plain_base
+from changes import painted
 
-from gsedit.editing.routes.apply import apply_change
 from gsedit.errors import UsageError
 from gsedit.measures.color_difference import ciede2000
 from gsedit.scene.color_space import lab_of_srgb, srgb_of_hex
 from gsedit.scene.picture import render_picture
-from gsedit.select.region import Region
 from gsedit.synthetic import ring_cameras, scenes
 from gsedit.words.instruction import Change
 from rasterizer.numerics import SH_DC
@@ -46,7 +45,7 @@ def test_the_mean_is_that_of_the_color_in_the_scenes_light(ball):
     for color in ASKED:
         truth = Finish(plain_base(tuple(srgb_of_hex(color).tolist())), specular=0.0)
         exact = lit.photograph(truth, held_out, 24, 1)[hit].mean(0).numpy()
-        after = apply_change(scene, paint("", color), Region(own), None, cameras)
+        after = painted(scene, paint("", color), own, cameras).scene
         shown = render_picture(after, held_out)[hit].mean(0).double().numpy()
         found.append(distance(shown, exact))
     assert np.median(found) < 5
@@ -56,14 +55,14 @@ def test_the_mean_is_that_of_the_color_in_the_scenes_light(ball):
 def test_alone_it_is_near_the_color_asked_for(ball):
     _, scene, own, _ = ball
     alone = scene[own]
-    after = apply_change(alone, paint("teal", "#029386"), Region(torch.ones(len(alone)).bool()))
+    after = painted(alone, paint("teal", "#029386"), torch.ones(len(alone)).bool()).scene
     shown = (0.5 + SH_DC * after.sh[:, 0]).clamp(0, 1).mean(0).double().numpy()
     assert distance(shown, srgb_of_hex("#029386")) < 15
 
 
 def test_outside_the_bits_are_the_same_and_the_degree_stays(ball):
     _, scene, own, cameras = ball
-    after = apply_change(scene, paint("red", "#e50000"), Region(own), None, cameras)
+    after = painted(scene, paint("red", "#e50000"), own, cameras).scene
     assert after.degree == scene.degree
     assert torch.equal(after.sh[~own], scene.sh[~own])
     assert not torch.equal(after.sh[own], scene.sh[own])
@@ -74,7 +73,7 @@ def test_a_finish_decides_what_depends_on_the_direction(ball):
     shine = {}
     for finish in ("matte", "glossy", "metallic"):
         change = paint(f"{finish} teal", "#029386")
-        after = apply_change(scene, change, Region(own), None, cameras)
+        after = painted(scene, change, own, cameras).scene
         shine[finish] = float(after.sh[own, 1:].abs().sum())
     assert shine["matte"] == 0
     assert min(shine["glossy"], shine["metallic"]) > 0
@@ -82,13 +81,13 @@ def test_a_finish_decides_what_depends_on_the_direction(ball):
 
 def test_a_color_that_is_also_a_material_is_paint(ball):
     _, scene, own, cameras = ball
-    after = apply_change(scene, paint("gold", "#dbb40c"), Region(own), None, cameras)
+    after = painted(scene, paint("gold", "#dbb40c"), own, cameras).scene
     assert after.degree == scene.degree
 
 
 def test_a_part_that_the_cameras_stand_in_keeps_its_old_shading(ball):
     _, scene, own, cameras = ball
-    after = apply_change(scene, paint("grey", "#808080"), Region(~own), None, cameras)
+    after = painted(scene, paint("grey", "#808080"), ~own, cameras).scene
     before, now = (scene.sh[~own, 0].mean(-1), after.sh[~own, 0].mean(-1))
     assert float(torch.corrcoef(torch.stack((before, now)))[0, 1]) > 0.8
 
@@ -96,6 +95,6 @@ def test_a_part_that_the_cameras_stand_in_keeps_its_old_shading(ball):
 def test_a_region_of_nothing_and_a_color_that_is_none_are_refused(ball):
     _, scene, own, _ = ball
     with pytest.raises(UsageError, match="--region"):
-        apply_change(scene, paint("teal", "#029386"), Region(torch.zeros_like(own)))
+        painted(scene, paint("teal", "#029386"), torch.zeros_like(own))
     with pytest.raises(UsageError, match="#008080"):
-        apply_change(scene, paint("teal", None), Region(own))
+        painted(scene, paint("teal", None), own)

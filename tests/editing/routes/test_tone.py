@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from changes import painted
 
-from gsedit.editing.routes.apply import apply_change
-from gsedit.editing.routes.tone import TONES, tone_map
+from gsedit.editing.tone import TONES, tone_map
 from gsedit.errors import UsageError
 from gsedit.scene.color_space import LUMINANCE
-from gsedit.select.region import Region, everything
+from gsedit.select.region import everything
 from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
 from gsedit.words.instruction import Change
 from rasterizer.render import render
@@ -35,7 +35,7 @@ def picture(scene):
 @pytest.mark.parametrize("name", TONES)
 def test_a_tone_of_the_scene_is_the_map_of_its_pictures(scene, name):
     before = picture(scene)
-    after = picture(apply_change(scene, tone(name, 0.2), everything(scene))).color
+    after = picture(painted(scene, tone(name, 0.2), everything(scene).inside).scene).color
     chart = tone_map(name, 0.2)
     alpha = before.alpha[..., None].double().numpy()
     expected = before.color.double().numpy() @ chart.matrix.T + alpha * chart.offset
@@ -72,13 +72,13 @@ def test_a_tint_keeps_the_luma_and_takes_the_color():
 
 
 def test_grayscale_has_no_color_from_any_direction(scene):
-    sh = apply_change(scene, tone("grayscale"), everything(scene)).sh
+    sh = painted(scene, tone("grayscale"), everything(scene).inside).scene.sh
     assert (sh - sh.mean(-1, keepdim=True)).abs().max() < 1e-6
 
 
 def test_outside_the_region_the_bits_are_the_same(scene):
     inside = scene.means[:, 0] > 0
-    after = apply_change(scene, tone("negative"), Region(inside))
+    after = painted(scene, tone("negative"), inside).scene
     assert torch.equal(after.sh[~inside], scene.sh[~inside])
     assert not torch.equal(after.sh[inside], scene.sh[inside])
 
@@ -95,4 +95,4 @@ def test_outside_the_region_the_bits_are_the_same(scene):
 )
 def test_a_tone_that_cannot_be_done_is_refused(scene, change, said):
     with pytest.raises(UsageError, match=said.replace("+", r"\+")):
-        apply_change(scene, change, everything(scene))
+        painted(scene, change, everything(scene).inside)

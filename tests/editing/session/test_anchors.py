@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import torch
 
-from gsedit.editing.session.edit_views import MIN_ANCHOR_OVERLAP, choose_anchors
+from gsedit.paper.edit_views import MIN_ANCHOR_OVERLAP, choose_anchors
 
 
 def windows(*starts: int) -> torch.Tensor:

@@ -12,12 +12,12 @@ import gsedit
 from gsedit import Dataset
 from gsedit.datasets.dataset import capture
 from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editing.session.result import HeldOutViews
-from gsedit.editing.skip.decision import DECISIONS
-from gsedit.editing.strategies.single_pass import SinglePass
 from gsedit.editors import make_editor
 from gsedit.errors import UsageError
 from gsedit.fitting.settings import UpdateSettings
+from gsedit.paper.evidence import HeldOutViews
+from gsedit.paper.skip.decision import DECISIONS
+from gsedit.paper.strategies.single_pass import SinglePass
 from gsedit.runs.journal import read_events
 from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
 
@@ -44,7 +44,7 @@ def edited():
         "as bronze",
         editor=make_editor("closed-form"),
         generator=torch.Generator().manual_seed(0),
-        dataset=Dataset(capture(scene, cameras, [str(i) for i in range(9)])),
+        views=Dataset(capture(scene, cameras, [str(i) for i in range(9)])),
         settings=settings,
         strategy=SinglePass(2),
     )

@@ -11,9 +11,9 @@ import torch
 from divide import divide
 
 from gsedit import edit
-from gsedit.editing.session import request
-from gsedit.editing.strategies.single_pass import SinglePass
 from gsedit.measures.metrics import psnr
+from gsedit.paper import request
+from gsedit.paper.strategies.single_pass import SinglePass
 from gsedit.scene.merging.groups import coarsen
 from rasterizer import render
 
@@ -31,7 +31,7 @@ def test_an_edit_by_groups_is_that_of_all_gaussians(monkeypatch, loss, decibels)
             scene,
             tiny_edits.PROMPT,
             editor=tiny_edits.Watched(),
-            dataset=data,
+            views=data,
             settings=replace(settings, region="box:-9,-9,-9,9,9,0"),
             strategy=SinglePass(20),
         )

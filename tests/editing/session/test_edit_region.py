@@ -16,12 +16,14 @@ import gsedit
 from gsedit import Dataset, EditSettings, edit
 from gsedit.cameras.orbit import circle
 from gsedit.datasets.dataset import capture
+from gsedit.datasets.viewpoints import viewpoints_of
 from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editing.session.choose_region import find_region
-from gsedit.editing.strategies.single_pass import SinglePass
+from gsedit.editing.parts import drawn_region
 from gsedit.editors import Capabilities, EditProgress, make_editor
 from gsedit.errors import UsageError
 from gsedit.fitting.settings import UpdateSettings
+from gsedit.paper.strategies.single_pass import SinglePass
+from gsedit.select.finder import Finder
 from gsedit.select.lift import lift
 from gsedit.select.region import Region, coverage, in_one_color
 from rasterizer import render
@@ -82,10 +84,14 @@ def run(labelled, data, region, editor=None, prompt="as bronze"):
         labelled.gaussians,
         prompt,
         editor=editor or make_editor("closed-form"),
-        dataset=data,
+        views=data,
         settings=replace(QUICK, region=region),
         strategy=SinglePass(update_steps=8),
     )
+
+
+def finder(labelled, data, region="auto"):
+    return Finder(labelled.gaussians, viewpoints_of(data), region)
 
 
 def moved(result, labelled):
@@ -150,20 +156,17 @@ def test_an_instruction_that_nobody_reads_shows_the_region_by_its_edits(labelled
     weight = lift(labelled.gaussians, [v.camera for v in data.views], ones).weight
     assert iou(result.region.inside, labelled.subject, weight) > 0.85
     assert not moved(result, labelled)[~result.region.inside].any()
-    with pytest.raises(UsageError, match="known only from its edited views"):
-        find_region(labelled.gaussians, "auto", dataset=data, editor=editor, prompt=UNREAD)
+    assert drawn_region(finder(labelled, data), editor, UNREAD) is None
 
 
 def test_the_small_editor_finds_the_subject_and_looks_of_the_scene(labelled, data):
     small = make_editor("small")
-    scene, dataset = labelled.gaussians, data
-    statue_only = find_region(
-        scene, "auto", dataset=dataset, editor=small, prompt="turn it into a gold statue"
-    )
+    known = finder(labelled, data)
+    statue_only = drawn_region(known, small, "turn it into a gold statue")
     assert not statue_only.is_all
     assert statue_only.note.startswith("auto: ")
     for prompt in ("make it night", "a snowy winter day", "as a pencil sketch"):
-        found = find_region(scene, "auto", dataset=dataset, editor=small, prompt=prompt)
+        found = drawn_region(known, small, prompt)
         assert found.is_all, prompt
 
 
@@ -182,7 +185,7 @@ def test_masks_are_drawn_on_photos(labelled, data, tmp_path):
         with torch.no_grad():
             mask = render(truth, data.views[index].camera).color > 0.5
         Image.fromarray(255 * mask.numpy().astype(np.uint8)).save(tmp_path / f"view_{index}.png")
-    found = find_region(labelled.gaussians, str(tmp_path), dataset=data, prompt="as bronze")
+    found = finder(labelled, data, str(tmp_path)).subject
     ones = [torch.ones(SIZE, SIZE)] * 9
     weight = lift(labelled.gaussians, [v.camera for v in data.views], ones).weight
     assert iou(found.inside, labelled.subject, weight) > 0.8

@@ -10,11 +10,11 @@ from gsedit_cli.options.editing import at_size
 
 from gsedit import Dataset, EditSettings, Event, edit_steps
 from gsedit.datasets.dataset import capture
-from gsedit.editing.strategies.single_pass import SinglePass
 from gsedit.editors import Capabilities, EditProgress
 from gsedit.errors import UsageError
 from gsedit.fitting.settings import UpdateSettings
 from gsedit.measures.metrics import psnr
+from gsedit.paper.strategies.single_pass import SinglePass
 from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
 
 QUICK = EditSettings(update=UpdateSettings(patches=1, patch=16), views_per_batch=2, coverage=1.0)
@@ -58,7 +58,7 @@ def run(scene, data, editor, **settings):
             "swap",
             editor=editor,
             generator=generator,
-            dataset=data,
+            views=data,
             settings=settings,
             strategy=strategy,
         )

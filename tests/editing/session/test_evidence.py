@@ -13,12 +13,12 @@ import gsedit
 from gsedit import Dataset
 from gsedit.datasets.dataset import capture
 from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editing.strategies.single_pass import SinglePass
 from gsedit.editors import Capabilities, EditProgress, make_editor
 from gsedit.errors import UsageError
 from gsedit.fitting.settings import UpdateSettings
 from gsedit.measures.agreement import WarpComparison
 from gsedit.measures.metrics import psnr
+from gsedit.paper.strategies.single_pass import SinglePass
 from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
 
 SETTINGS = gsedit.EditSettings(
@@ -45,7 +45,7 @@ def run(scene, data, settings=SETTINGS):
         scene,
         "as bronze",
         editor=make_editor("closed-form"),
-        dataset=data,
+        views=data,
         settings=settings,
         strategy=SinglePass(20),
     )
@@ -84,7 +84,7 @@ def test_pictures_that_are_not_edited_agree_as_the_unedited_scene_does(scene, da
 
     settings = replace(SETTINGS, update=replace(SETTINGS.update, loss="mse"))
     still = gsedit.edit(
-        scene, "x", editor=Idle(), dataset=data, settings=settings, strategy=SinglePass(1)
+        scene, "x", editor=Idle(), views=data, settings=settings, strategy=SinglePass(1)
     )
     assert still.held_out.edited == ()  # no diffusion model: there is no noise to share
     assert still.metrics.psnr_to_held_out_edits is None

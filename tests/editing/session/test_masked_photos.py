@@ -9,7 +9,7 @@ from tiny_edits import PROMPT, SETTINGS, data, scene
 
 import gsedit
 from gsedit import Dataset
-from gsedit.editing.strategies.single_pass import SinglePass
+from gsedit.paper.strategies.single_pass import SinglePass
 
 
 def masked() -> Dataset:
@@ -31,7 +31,7 @@ def test_the_render_is_edited_where_the_photo_is_masked():
     strategy, results = SinglePass(1), []
     for dataset in (masked(), data()):
         results.append(
-            gsedit.edit(scene(), PROMPT, dataset=dataset, settings=settings, strategy=strategy)
+            gsedit.edit(scene(), PROMPT, views=dataset, settings=settings, strategy=strategy)
         )
     for a, b in zip(results[0].targets, results[1].targets, strict=True):
         assert a.mask is None  # the edited picture is whole

@@ -14,10 +14,10 @@ from three_scenes import Swapped
 
 from gsedit import Dataset, EditSettings, edit_steps
 from gsedit.datasets.dataset import capture
-from gsedit.editing.session.presets import PRESETS
-from gsedit.editing.strategies.single_pass import SinglePass
-from gsedit.editing.view_plan import random_plan
 from gsedit.errors import UsageError
+from gsedit.paper.presets import PRESETS
+from gsedit.paper.strategies.single_pass import SinglePass
+from gsedit.paper.view_plan import random_plan
 from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
 
 PAGE = Path(__file__).parents[3] / "docs" / "concepts" / "differences.md"
@@ -47,7 +47,7 @@ def test_batches_are_tied_by_anchors_alone(anchors, tied):
     settings = EditSettings(batches=2, coverage=1.0, region="all", held_out_edits=0)
     editor = Watched()
     *_, result = edit_steps(
-        scene, "as bronze", dataset=Dataset(views), editor=editor,
+        scene, "as bronze", views=Dataset(views), editor=editor,
         settings=replace(settings, anchors=anchors), strategy=SinglePass(update_steps=1),
         generator=torch.Generator().manual_seed(0),
     )  # fmt: skip

@@ -16,11 +16,11 @@ import torch
 from gsedit import Checkpoint, Dataset, EditResult, EditSettings, Event, edit_steps
 from gsedit.datasets.dataset import capture
 from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editing.strategies import find_strategy, strategy_names
-from gsedit.editing.strategies.single_pass import SinglePass
 from gsedit.editors import Capabilities, EditProgress, make_editor
 from gsedit.errors import InputError, UsageError
 from gsedit.fitting.settings import UpdateSettings
+from gsedit.paper.strategies import find_strategy, strategy_names
+from gsedit.paper.strategies.single_pass import SinglePass
 from gsedit.runs.state import load_state, save_state
 from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
 from rasterizer import Execution
@@ -62,10 +62,10 @@ class Request:
 
     def steps(self, resume=None, **changes):
         given = {
-            "prompt": "as bronze",
+            "sentence": "as bronze",
             "editor": make_editor("closed-form"),
             "generator": torch.Generator().manual_seed(3),
-            "dataset": self.data,
+            "views": self.data,
             "settings": SETTINGS,
             "strategy": SinglePass(12),
         }
@@ -161,14 +161,14 @@ def test_another_edit_does_not_go_on(request_, tmp_path):
     save_state(state, tmp_path / "state")
     state = load_state(tmp_path / "state")
     others = {
-        "instruction is as gold, was as bronze": {"prompt": "as gold"},
+        "instruction is as gold, was as bronze": {"sentence": "as gold"},
         "settings.update.patches is 3, was 2": {
             "settings": replace(SETTINGS, update=replace(SETTINGS.update, patches=3))
         },
         "strategy.update_steps is 30, was 12": {"strategy": SinglePass(30)},
         "editor is failing, was closed-form": {"editor": Failing()},
         "seed is 4, was 3": {"generator": torch.Generator().manual_seed(4)},
-        "views is 5 of 32x32": {"dataset": Dataset(request_.data.views[:5])},
+        "views is 5 of 32x32": {"views": Dataset(request_.data.views[:5])},
     }
     for difference, change in others.items():
         with pytest.raises(UsageError, match=f"not the edit that was interrupted: {difference}"):

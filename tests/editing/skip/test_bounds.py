@@ -12,16 +12,16 @@ from three_scenes import EXHIBITS, Exhibit
 
 from gsedit.consistency.correspond import correspond
 from gsedit.consistency.depth_maps import DEFAULT_RULES
-from gsedit.editing.session.edit_views import MIN_MATCH_OVERLAP
-from gsedit.editing.skip.decide import decide_gaussians
-from gsedit.editing.skip.invisible import (
+from gsedit.fitting.random_crops import crops_needed, cut, random_patch, share_of_crops
+from gsedit.paper.edit_views import MIN_MATCH_OVERLAP
+from gsedit.paper.skip.decide import decide_gaussians
+from gsedit.paper.skip.invisible import (
     INVISIBLE_COLOR,
     band_colors,
     faint_gaussians,
     visible_coefficients,
 )
-from gsedit.editing.view_plan import survey, view_overlap
-from gsedit.fitting.random_crops import crops_needed, cut, random_patch, share_of_crops
+from gsedit.paper.view_plan import survey, view_overlap
 from gsedit.select.finder import Finder
 from gsedit.select.region import Region, coverage
 from rasterizer import Camera, Gaussians, Rendering, render

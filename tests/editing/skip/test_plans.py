@@ -15,11 +15,11 @@ from gsedit import EditSettings, edit
 from gsedit.datasets.cameras_json import write_cameras
 from gsedit.diffusion.settings import SamplerSettings
 from gsedit.editing.edit import plan_edit
-from gsedit.editing.skip.decision import DECISIONS
-from gsedit.editing.strategies.single_pass import SinglePass
 from gsedit.errors import UsageError
 from gsedit.fitting.settings import UpdateSettings
 from gsedit.formats.scenes import save
+from gsedit.paper.skip.decision import DECISIONS
+from gsedit.paper.strategies.single_pass import SinglePass
 from rasterizer import render
 
 QUICK = EditSettings(
@@ -39,7 +39,7 @@ PLANS = {
 def asked(exhibit, **settings):
     return {
         "editor": Swapped(),
-        "dataset": exhibit.data,
+        "views": exhibit.data,
         "settings": replace(QUICK, region=exhibit.region, **settings),
         "strategy": SinglePass(4),
         "generator": torch.Generator().manual_seed(0),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gsedit.editing.skip.decision import Bound, Decision, Skipped, one_line, screen
+from gsedit.paper.skip.decision import Bound, Decision, Skipped, one_line, screen
 
 TAKEN = Decision(
     "crops",

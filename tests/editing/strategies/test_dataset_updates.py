@@ -12,11 +12,11 @@ from tiny_edits import run as run_tiny
 
 from gsedit import Event
 from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editing.strategies._dataset import alone
-from gsedit.editing.strategies.combined import Combined
-from gsedit.editing.strategies.iterative import Iterative
-from gsedit.editing.strategies.single_pass import SinglePass
 from gsedit.errors import UsageError
+from gsedit.paper.strategies._dataset import alone
+from gsedit.paper.strategies.combined import Combined
+from gsedit.paper.strategies.iterative import Iterative
+from gsedit.paper.strategies.single_pass import SinglePass
 
 STEPPED = replace(SETTINGS, update=replace(SETTINGS.update, loss="mse+gram"))
 """Settings by which the scene is fitted in steps."""

@@ -12,15 +12,15 @@ import gsedit
 from gsedit import Checkpoint, Dataset, EditSettings, Event, edit_steps
 from gsedit.datasets.dataset import capture
 from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editing import strategies
-from gsedit.editing.session.actions import Action, Strategy, update_round
-from gsedit.editing.session.edit_views import edit_views
-from gsedit.editing.session.session import Session, seen_gaussians
-from gsedit.editing.session.strategy import name_of
-from gsedit.editing.strategies.single_pass import SinglePass
 from gsedit.editors import make_editor
 from gsedit.errors import GseditError, UsageError
 from gsedit.fitting.settings import UpdateSettings
+from gsedit.paper import strategies
+from gsedit.paper.actions import Action, Strategy, update_round
+from gsedit.paper.edit_views import edit_views
+from gsedit.paper.session import Session, seen_gaussians
+from gsedit.paper.strategies.single_pass import SinglePass
+from gsedit.paper.strategy import name_of
 from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
 
 
@@ -82,7 +82,7 @@ def test_another_strategy_needs_nothing_but_itself(scene, data):
             "as bronze",
             editor=make_editor("closed-form"),
             generator=torch.Generator().manual_seed(0),
-            dataset=data,
+            views=data,
             settings=settings,
             strategy=strategy,
         )
@@ -115,7 +115,7 @@ def test_a_strategy_may_edit_no_picture(scene, data, tmp_path):
         "as bronze",
         editor=make_editor("closed-form"),
         generator=torch.Generator().manual_seed(0),
-        dataset=data,
+        views=data,
         settings=EditSettings(views_per_batch=2, batches=1),
         strategy=WithoutTargets(),
     )
@@ -143,7 +143,7 @@ def test_a_strategy_is_a_record_of_its_settings(scene, data):
                 "as bronze",
                 editor=make_editor("closed-form"),
                 generator=torch.Generator(),
-                dataset=data,
+                views=data,
                 strategy=NoRecord(),
             )
         )

@@ -6,9 +6,9 @@ import pytest
 from tiny_edits import PROMPT, SETTINGS, Watched, data, scene
 
 from gsedit.editing.edit import plan_edit
-from gsedit.editing.session.strategy import uses_all_views
-from gsedit.editing.strategies.iterative import Iterative
-from gsedit.editing.strategies.single_pass import SinglePass
+from gsedit.paper.strategies.iterative import Iterative
+from gsedit.paper.strategies.single_pass import SinglePass
+from gsedit.paper.strategy import uses_all_views
 
 
 @pytest.mark.parametrize(
@@ -28,7 +28,7 @@ def test_no_view_is_skipped_that_the_strategy_needs():
         scene(),
         PROMPT,
         editor=Watched(),
-        dataset=data(),
+        views=data(),
         settings=SETTINGS,
         strategy=Iterative(total_steps=20),
     ).decisions

@@ -1,0 +1,192 @@
+"""The result of an edit, measured at some of the views that an edit holds out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from operator import attrgetter
+from typing import Any
+
+from jaxtyping import Bool, Int
+from torch import Tensor
+
+from gsedit.datasets.dataset import View, capture, evenly_spaced
+from gsedit.datasets.view_list_files import HELD_OUT_EVERY
+from gsedit.datasets.viewpoints import Viewpoint
+from gsedit.editing.parts import Parts
+from gsedit.editing.plan import EXACT_ROUTES, PICTURE, is_exact, key_of
+from gsedit.editing.result import EditResult
+from gsedit.measures.evaluation_input import REGION_IS, Evaluation, Mean
+from gsedit.measures.interval import mean_interval
+from gsedit.measures.metrics import rmse, squared_error
+from gsedit.measures.outside import outside_means, pixels_outside
+from gsedit.measures.references import BY_TO
+from gsedit.objects.outcome import NEW, Outcome
+from gsedit.paper.evaluate import Drawing
+from gsedit.paper.evidence import EditMetrics, Evidence, HeldOutViews
+from gsedit.paper.settings import EditSettings
+from gsedit.runs.stopwatch import Stopwatch
+from gsedit.select.finder import Finder
+from gsedit.select.region import Region
+from gsedit.words.instruction import Change, Instruction
+from rasterizer.numerics import AUTO, Execution
+from rasterizer.scene import Gaussians
+
+SHOWN_VIEWS = 4
+"""Held-out views at which an edit on the Gaussians is measured and shown."""
+LEAST_RMSE = 0.005
+"""RMSE to the unedited views below which the user is told that hardly anything changed: painting a
+subject of one pixel in a hundred makes six times as much."""
+HARDLY = "hardly anything changed: the scene has little that this acts on"
+
+
+@dataclass(frozen=True, eq=False)
+class Changed:
+    """A scene that an edit changed."""
+
+    scene: Gaussians
+    region: Region
+    """Gaussians that any of the changes could reach, new ones among them."""
+    notes: tuple[str, ...] = ()
+    """Remarks for a person on how it was done."""
+    before: Region | None = None
+    """Gaussians of the scene before that are changed or gone; None where rows stay the same."""
+    origin: Int[Tensor, " m"] | None = None
+    """Row in the scene before of each Gaussian, NEW for a new one; None where rows stay."""
+    drawing: Drawing | None = None
+    """The last drawing of a 2D editor, if one drew."""
+
+
+def summed(
+    scene: Gaussians,
+    steps: Sequence[Instruction],
+    parts: Parts,
+    total: Outcome,
+    drawing: Drawing | None = None,
+    notes: Sequence[str] = (),
+) -> Changed:
+    """The outcome of all steps on a scene, with the regions that they were in."""
+    changes = [each for step in steps for each in step.changes]
+    told = tuple(dict.fromkeys((*notes, *total.notes)))
+    if drawing is not None and all(not is_exact(step) for step in steps):
+        return Changed(total.scene, drawing.region, told, drawing=drawing)
+    keys = dict.fromkeys(_key(change) for change in changes if change.name != "insert")
+    known = [parts.found[key] for key in keys if key in parts.found]
+    found, hows = (dict.fromkeys(map(attrgetter(name), known)) for name in ("note", "how"))
+    sure = min((each.sure for each in known), default=1.0)
+    region = Region(total.changed, "; ".join(found) or "what is new", " or ".join(hows), sure)
+    if not any(change.route == "object" for change in changes):
+        return Changed(total.scene, region, told, drawing=drawing)
+    before = Region(_touched(total, len(scene)), region.note)
+    return Changed(total.scene, region, told, before, total.origin, drawing)
+
+
+def _key(change: Change) -> str:
+    return key_of(change) if change.route in EXACT_ROUTES else PICTURE
+
+
+def _touched(outcome: Outcome, count: int) -> Bool[Tensor, " n"]:
+    """Whether each of the `count` Gaussians before is changed or in the scene no longer."""
+    touched = outcome.dropped(count)
+    touched[outcome.origin[outcome.changed & (outcome.origin != NEW)]] = True
+    return touched
+
+
+def measured(
+    finder: Finder,
+    changed: Changed,
+    sentence: str,
+    steps: Sequence[Instruction],
+    settings: EditSettings,
+    watch: Stopwatch,
+) -> EditResult:
+    """The result of an edit of the finder's scene.
+
+    A drawing brings its own measurements; where other changes are beside it, those of the whole are
+    measured anew.
+    """
+    drawing, scene = changed.drawing, finder.scene
+    exact, notes = any(map(is_exact, steps)), changed.notes
+    evidence = _evidence(settings) if drawing is None else drawing.evidence
+    if exact:
+        with watch.stage("measure"):
+            shown = held_out(finder.viewpoints)
+            before = pictures_at(scene, shown, finder.execution)
+            after = pictures_at(changed.scene, shown, finder.execution)
+            means = means_of(scene, changed, before, after, finder.execution)
+        own = evidence.metrics.evaluation
+        metrics = replace(
+            evidence.metrics, evaluation=replace(own, measured={**own.measured, **means})
+        )
+        evidence = replace(evidence, metrics=metrics)
+        if drawing is None:
+            evidence = replace(evidence, held_out=HeldOutViews(before, (), after))
+        if (metrics.rmse_to_unedited or 0.0) <= LEAST_RMSE:
+            notes = (*notes, HARDLY)
+    spent = {**watch.stages, **evidence.timings}
+    spent["total"] = sum(watch.stages.values()) + evidence.timings.get("total", 0.0)
+    shared: dict[str, Any] = {**vars(evidence), "timings": spent}
+    return EditResult(
+        **shared,
+        prompt=sentence,
+        scene=changed.scene,
+        region=changed.region,
+        region_before=changed.before,
+        origin=changed.origin,
+        understood=understood(steps),
+        notes=notes,
+    )
+
+
+def understood(steps: Sequence[Instruction]) -> Instruction | None:
+    """The changes of all steps; None where a 2D editor got the sentence as it is."""
+    changes = tuple(each for step in steps for each in step.changes)
+    if not any(map(is_exact, steps)):
+        return None
+    words = "; ".join(step.text for step in steps)
+    return steps[0] if len(steps) == 1 else Instruction(words, True, words, changes)
+
+
+def _evidence(settings: EditSettings) -> Evidence:
+    """The evidence of an edit that nothing has been measured of."""
+    metrics = EditMetrics(Evaluation({}, (), {}, ()))
+    return Evidence(metrics=metrics, timings={}, settings=settings, held_out=HeldOutViews())
+
+
+def held_out(viewpoints: Sequence[Viewpoint]) -> tuple[Viewpoint, ...]:
+    """Some of the views that an edit holds out."""
+    every = viewpoints[::HELD_OUT_EVERY]
+    return tuple(every[i] for i in evenly_spaced(len(every), SHOWN_VIEWS))
+
+
+def pictures_at(
+    scene: Gaussians, viewpoints: Sequence[Viewpoint], execution: Execution = AUTO
+) -> tuple[View, ...]:
+    """Renders of a scene as views."""
+    cameras, names = [each.camera for each in viewpoints], [each.name for each in viewpoints]
+    return tuple(capture(scene, cameras, names, execution))
+
+
+def means_of(
+    scene: Gaussians,
+    changed: Changed,
+    before: Sequence[View],
+    after: Sequence[View],
+    execution: Execution = AUTO,
+) -> Mapping[str, dict[Any, Mean]]:
+    """The difference of held-out views, and how well what is outside the region is kept."""
+    region, parts = changed.region, [(changed.region, scene)]
+    if changed.before is not None:
+        parts = [(changed.before, scene), (changed.region, changed.scene)]
+    number = len(before)
+    errors = [rmse(new.image, old.image) for new, old in zip(after, before)]
+    of_all = Mean(sum(errors) / number, number, mean_interval(errors), BY_TO["unedited"])
+    found: dict[str, dict[Any, Mean]] = {"rmse_to_unedited": {"held_out": of_all}}
+    if not region.is_all:
+        outside = [
+            squared_error(old.image, new.image, pixels_outside(parts, old.camera, execution))
+            for old, new in zip(before, after)
+        ]
+        kept = outside_means([each for each in outside if each.values], "region", REGION_IS)
+        found |= {name: {"held_out": mean} for name, mean in kept.items()}
+    return found

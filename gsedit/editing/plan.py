@@ -1,0 +1,136 @@
+"""Steps of an edit: changes on the Gaussians, and looks that a 2D editor draws, in order.
+
+Loads no torch.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import replace
+from itertools import groupby
+
+from gsedit.errors import UsageError
+from gsedit.paper.settings import EditSettings
+from gsedit.words.called import read_called
+from gsedit.words.direct import UNCLEAR
+from gsedit.words.instruction import Change, Instruction
+from gsedit.words.phrases import GROUNDS
+from gsedit.words.small_looks import look_of
+
+EXACT_ROUTES = ("tone", "paint", "material", "light", "scenery", "object")
+"""Routes that change the Gaussians themselves."""
+HEEDED = ("region", "execution")
+"""Settings that exact routes heed; any other one asks for the 2D editor."""
+PICTURE = "picture"
+"""Route of a sentence that a 2D editor gets as it is."""
+COPY = "copy"
+PLACED = {"scale", "turn", "move"}
+"""Changes that one placement can do together."""
+MADE = "the copy"
+"""Key of what the last copy made, as `gsedit.words.actions.MADE` names it."""
+
+
+def is_exact(instruction: Instruction) -> bool:
+    """Whether every change of an understood instruction has a route that does it exactly."""
+    changes = instruction.changes
+    return instruction.known and bool(changes) and all(c.route in EXACT_ROUTES for c in changes)
+
+
+def asks_editor_2d(settings: EditSettings) -> bool:
+    """Whether settings differ from the defaults where only the 2D editor heeds them."""
+    usual = EditSettings()
+    return replace(settings, **{name: getattr(usual, name) for name in HEEDED}) != usual
+
+
+def read_steps(
+    sentence: str, names: Collection[str] = (), *, drawn: bool = False
+) -> tuple[Instruction, ...]:
+    """Steps of a sentence, in order; a single one with the sentence as it is where all is `drawn`.
+
+    `names` are those of saved selections. Raises UsageError as `steps_of` does.
+    """
+    if not drawn:
+        return steps_of(read_called(sentence, names))
+    change = Change("scene", "look", PICTURE, None, None, PICTURE)
+    return (Instruction(sentence, True, "", (change,)),)
+
+
+def steps_of(instruction: Instruction) -> tuple[Instruction, ...]:
+    """Steps that an instruction takes, in order; itself where it takes one.
+
+    Changes beside each other that exact routes do are one step, and so are looks of the 2D editor.
+    Raises UsageError for an instruction that is refused, and for a look that `small` hardly draws,
+    or beside other changes does not draw.
+    """
+    if not instruction.known:
+        raise UsageError(instruction.why)
+    changes = instruction.changes
+    if unclear := next((change.name for change in changes if change.name in UNCLEAR), None):
+        raise UsageError(
+            f"{instruction.text!r}: there is no look {unclear!r} that is done on the Gaussians: "
+            "--editor small draws its own, --editor pix2pix --model FOLDER follows any sentence"
+        )
+    drawn = [each for each in changes if each.phrase and each.route not in EXACT_ROUTES]
+    if drawn:
+        raise UsageError(
+            f"{drawn[0]}: a 2D editor knows no phrases: mark it with --region, and say 'it'"
+        )
+    groups = [tuple(each) for _, each in groupby(changes, lambda c: c.route in EXACT_ROUTES)]
+    if len(groups) < 2:
+        return (instruction,)
+    return tuple(
+        Instruction(words, True, words, each) for each in groups for words in (_told(each),)
+    )
+
+
+def _told(group: Sequence[Change]) -> str:
+    """Words for a step: what is done, or the looks of `small`. Raises UsageError as `steps_of`."""
+    if group[0].route in EXACT_ROUTES:
+        return "; ".join(map(str, group))
+    looks = [look_of(change) for change in group]
+    if None in looks:
+        raise UsageError(
+            f"{group[looks.index(None)]}: small does not draw this (gsedit list looks): "
+            "leave it out, or do it alone with --editor pix2pix --model FOLDER"
+        )
+    return " and ".join(look.wording for look in looks if look is not None)
+
+
+def runs_of(step: Instruction) -> Iterator[tuple[Change, ...]]:
+    """Groups of a step's changes that are done at once: what is moved, turned and scaled together
+    leaves one hole, and a 2D editor draws all looks together."""
+    if not is_exact(step):
+        yield step.changes
+        return
+    run: tuple[Change, ...] = ()
+    for change in step.changes:
+        if run and not _joins(run, change):
+            yield run
+            run = ()
+        run = (*run, change)
+    yield run
+
+
+def _joins(run: Sequence[Change], change: Change) -> bool:
+    """Whether a change places what a run of changes does, in a way that it does not yet."""
+    first, names = run[0], {each.name for each in run}
+    made = {COPY: MADE, "insert": first.phrase}.get(first.name, key_of(first))
+    ways = {"insert": {"turn"}, COPY: PLACED, **dict.fromkeys(PLACED, PLACED)}.get(
+        first.name, set()
+    )
+    placed = first.name == COPY and change.place is not None and bool(change.place.of)
+    return change.name in ways - names and key_of(change) == made and not placed
+
+
+LEVEL = ("leaves", "puddles")
+"""Growths that lie on what is level only: their ground is all but the subject, stones too."""
+
+
+def key_of(change: Change) -> str:
+    """Name of what changes: its phrase, or its target."""
+    if change.name in LEVEL and change.phrase in GROUNDS:
+        return "background"
+    if change.target == "background" and change.phrase not in ("", "it"):
+        return f"all but {change.phrase}"
+    alone = change.phrase in ("", "it") or change.name == "insert"
+    return change.target if alone else change.phrase

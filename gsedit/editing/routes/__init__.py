@@ -1,1 +1,0 @@
-"""Routes that change Gaussians directly, without a 2D editor."""

@@ -1,0 +1,149 @@
+"""Strategies, and the actions that they consist of: edit some views, fit the scene."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import torch
+
+from gsedit.errors import InputError
+from gsedit.fitting.solve import solve_colors
+from gsedit.paper.edit_views import edit_views
+from gsedit.paper.fit_targets import fit_targets
+from gsedit.paper.measure_progress import measure_progress
+from gsedit.paper.session import Session, preview
+from gsedit.runs.events import Event
+
+
+def solve_targets(session: Session, step: int, total: int) -> Iterator[Event]:
+    """Solve for the colors of the region that fit all targets; its events are of `step`.
+
+    Opacities and geometry stay. Of a large scene the groups move. Raises InputError where a
+    checkpoint left no targets.
+    """
+    request, progress = session.request, session.progress
+    optimizer, inside, targets = progress.optimizer, session.region.inside, progress.edited.targets
+    if not targets:
+        raise InputError("the checkpoint has no edited views to fit: remove it, and start again")
+    with progress.stopwatch.stage("update"):
+        optimizer.raise_negative_colors(inside)
+        start, views = optimizer.scene.detach(), list(targets.values())
+        pictures = None if request.coarse is None else [preview(session, i) for i in targets]
+        execution = request.settings.execution
+        solved = list(solve_colors(start, views, inside, pictures=pictures, execution=execution))
+        progress.work.steps += len(solved)
+        if solved:
+            every = torch.ones(len(start), dtype=torch.bool)
+            progress.work.followed = solved[-1].followed
+            progress.work.map_error = solved[-1].map_error
+            optimizer.replace(solved[-1].scene, torch.arange(len(start)), fresh=every)
+        measured = measure_progress(session)
+        loss = solved[-1].mse if solved else None
+        yield measured.event("update", progress.stopwatch.seconds, step, total, loss)
+
+
+MAX_STEPS_AT_ONCE = 10
+"""Most optimizer steps in one action: an edit can be interrupted between any two actions."""
+
+
+class Action(Protocol):
+    """A part of an edit; all that it changes is in the session's progress."""
+
+    def __call__(self, session: Session) -> Iterator[Event]:
+        """Run the action; yields its events."""
+        ...
+
+
+@runtime_checkable
+class Strategy(Protocol):
+    """An order in which views are edited and the scene is fitted to them.
+
+    It may have `check`, which raises UsageError or InputError before any work for what it lacks,
+    and class attributes: `asks_editor`, False where it needs no 2D editor, and `fits_pictures`,
+    False where it renders the optimizer's scene itself.
+    """
+
+    def schedule(self, session: Session) -> Iterator[Action]:
+        """The actions of an edit, in order.
+
+        They depend on the settings and on the plan of views, never on chance or on what an action
+        found: an edit that is resumed skips those that are done. Chance belongs into the actions,
+        from the generator of the request.
+        """
+        ...
+
+
+class RollbackAction:
+    """Base class of actions that never touch the optimizer, and are rolled back on failure.
+
+    A checkpoint is then made of the session as it was before the action.
+    """
+
+    def __call__(self, session: Session) -> Iterator[Event]:
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class EditViews(RollbackAction):
+    """Edit the views with these indices together: batch `step` of `steps`, see `edit_views`."""
+
+    batch: tuple[int, ...]
+    step: int
+    steps: int
+
+    def __call__(self, session: Session) -> Iterator[Event]:
+        yield from edit_views(session, self.batch, step=self.step, steps=self.steps)
+
+
+@dataclass(frozen=True)
+class Update:
+    """Steps `first` to `last` (not included) of a round of fitting the edited views."""
+
+    first: int
+    last: int
+    round_steps: int
+    """Steps of the whole round, over which the learning rates fall."""
+    done: int
+    """Steps of the edit that came before the round."""
+    total: int
+    """Steps of the whole edit."""
+
+    def __call__(self, session: Session) -> Iterator[Event]:
+        span = range(self.first, self.last)
+        yield from fit_targets(session, span, self.round_steps, done=self.done, total=self.total)
+
+
+@dataclass(frozen=True)
+class Solve:
+    """Bring the scene to the colors that fit the edited views best, after `step` of `total`."""
+
+    step: int
+    total: int
+
+    def __call__(self, session: Session) -> Iterator[Event]:
+        yield from solve_targets(session, self.step, self.total)
+
+
+def fit_round(session: Session, steps: int, *, done: int, total: int) -> Iterator[Action]:
+    """The actions that fit all targets: a solve where it is exact, else a round of `steps`.
+
+    `done` of `total` steps of the edit came before the round.
+    """
+    if session.request.solves:
+        yield Solve(done + steps, total)
+    else:
+        yield from update_round(steps, done=done, total=total)
+
+
+def update_round(
+    steps: int, *, done: int, total: int, span: range | None = None
+) -> Iterator[Update]:
+    """Yield the updates of a round of `steps`, or of the part `span` of it, a few steps at a time.
+
+    `done` of `total` steps of the edit came before the round.
+    """
+    span = span or range(steps)
+    for first in range(span.start, span.stop, MAX_STEPS_AT_ONCE):
+        yield Update(first, min(first + MAX_STEPS_AT_ONCE, span.stop), steps, done, total)

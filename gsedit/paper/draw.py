@@ -1,0 +1,196 @@
+"""The painter of the paper: a 2D editor draws views of a scene, and the scene is fitted to them.
+
+It prepares the session, runs the strategy and evaluates the result.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterator
+from dataclasses import replace
+from itertools import islice
+from textwrap import fill
+from typing import NamedTuple
+
+import torch
+
+from gsedit.paper.actions import RollbackAction
+from gsedit.paper.estimate import Estimate, estimate_edit
+from gsedit.paper.evaluate import Drawing, evaluate_edit
+from gsedit.paper.progress import start_progress
+from gsedit.paper.request import Request, request_record
+from gsedit.paper.session import Session
+from gsedit.paper.skip.decide import explain_skips
+from gsedit.paper.skip.decision import TERMINAL_COLUMNS, Decision, one_line, screen
+from gsedit.paper.state import (
+    SessionSnapshot,
+    check_resumable,
+    restore,
+    session_state,
+    stopwatch_of,
+    view_plan_of,
+)
+from gsedit.paper.strategy import asks_editor
+from gsedit.paper.survey import survey_views
+from gsedit.paper.unedited import UneditedRenders
+from gsedit.paper.view_plan import ViewPlan
+from gsedit.runs.events import Checkpoint, Event, events_of, returned
+from gsedit.runs.journal import as_record
+from gsedit.runs.json_lines import plain
+from gsedit.runs.state import State
+from gsedit.runs.stopwatch import Stopwatch
+
+
+def draw(
+    request: Request, resume: State | None = None
+) -> Generator[Event | Checkpoint, None, Drawing]:
+    """Edit views of a scene by a 2D editor, and fit the scene to them.
+
+    Yields events, and a checkpoint now and then. Every 8th view is never edited: there the result
+    is measured. With the state of a checkpoint, the same edit goes on from there: only later events
+    are yielded, the evidence has all. Every one of several ranks is given the same and yields the
+    same. Raises UsageError for the state of another edit.
+    """
+    record = request_record(request)
+    request.ranks.check_same("the request", [record])
+    events: list[Event] = []
+    if resume is not None:
+        check_resumable(resume, record)
+        events += events_of(resume)
+    work = _run(request, resume)
+    while True:
+        try:
+            item = next(work)
+        except StopIteration as ended:
+            drawing: Drawing = ended.value
+            return replace(drawing, evidence=replace(drawing.evidence, events=tuple(events)))
+        if isinstance(item, Event):
+            events.append(item)
+        else:
+            done = events[: len(events) - item.state.record["undone"]]
+            recorded = plain([as_record(event) for event in done])
+            item = replace(item, state=item.state.along_with(request=record, events=recorded))
+        yield item
+
+
+class EditPlan(NamedTuple):
+    """The plan of an edit: work that is skipped, time and memory."""
+
+    decisions: tuple[Decision, ...]
+    """The work that it would skip, and why."""
+    estimate: Estimate | None
+    """Its time and memory; None where the editor takes little, or cannot be measured."""
+
+    def describe(self) -> str:
+        """Both as lines for a terminal."""
+        lines = screen(self.decisions)
+        if self.estimate is None:
+            return lines
+        return f"{lines}\n{fill(f'estimate: {self.estimate.describe()}', TERMINAL_COLUMNS)}"
+
+
+def explain(request: Request) -> EditPlan:
+    """Plan an edit: nothing is edited, one evaluation is measured."""
+    session = returned(start_session(request))
+    return EditPlan(explain_skips(session), estimate_edit(session))
+
+
+def _run(request: Request, resume: State | None) -> Generator[Event | Checkpoint, None, Drawing]:
+    """Prepare the session, run the strategy's actions, and evaluate the result."""
+    if resume is None:
+        session = yield from start_session(request)
+    else:
+        session = resume_session(request, resume)
+    decisions, progress = explain_skips(session), session.progress
+    if resume is None:
+        yield Event("skip", progress.stopwatch.seconds, note=one_line(decisions))
+        if estimate := estimate_edit(session):
+            progress.work.evaluations += estimate.cost.spent
+            yield Event("estimate", progress.stopwatch.seconds, note=estimate.describe())
+    yield from run_schedule(session)
+    with progress.stopwatch.stage("measure"):
+        drawing = yield from evaluate_edit(session)
+    timings = progress.stopwatch.stages | {"total": progress.stopwatch.seconds}
+    return replace(
+        drawing, evidence=replace(drawing.evidence, decisions=decisions, timings=timings)
+    )
+
+
+def start_session(request: Request) -> Generator[Event, None, Session]:
+    """The session of a new edit; its optimizer is at the unedited scene."""
+    if asks_editor(request.strategy):
+        note = request.editor.capabilities.advice(request.prompt)
+        if note:
+            yield Event("advice", 0.0, note=note)
+    stopwatch = Stopwatch()
+    noise_seed = int(torch.randint(1 << 31, (), generator=request.generator))
+    session = yield from _session(request, stopwatch, noise_seed)
+    region = session.progress.edited.region = request.region
+    if region is not None and region.note != "all":
+        yield Event("region", stopwatch.seconds, 1, 1, note=str(region))
+    return session
+
+
+def resume_session(request: Request, state: State) -> Session:
+    """The session of an interrupted edit, which goes on from the state."""
+    watch, noise_seed = stopwatch_of(state), state.record["noise_seed"]
+    session = returned(_session(request, watch, noise_seed, view_plan_of(state)))
+    restore(session, state)
+    return session
+
+
+def _session(
+    request: Request, stopwatch: Stopwatch, noise_seed: int, plan: ViewPlan | None = None
+) -> Generator[Event, None, Session]:
+    """A session that has not begun, of a request whose views are surveyed."""
+    request, surveyed = yield from survey_views(request, stopwatch, plan)
+    unedited = UneditedRenders(request, surveyed.renderings)
+    progress = start_progress(request, surveyed, unedited, stopwatch, noise_seed)
+    return Session(request, surveyed, unedited, progress)
+
+
+def run_schedule(session: Session) -> Iterator[Event | Checkpoint]:
+    """Run the actions of the strategy's schedule that are not done yet, in order.
+
+    Yields a checkpoint between actions when the settings' `checkpoint_seconds` have passed since
+    the last one, when asking the 2D editor fails or is interrupted, and at the end. Raises
+    GseditError where ranks no longer take the same decisions.
+    """
+    request, work, stopwatch = session.request, session.progress.work, session.progress.stopwatch
+    saved_seconds, saved_actions = stopwatch.seconds, work.actions
+    for action in islice(request.strategy.schedule(session), work.actions, None):
+        due = stopwatch.seconds - saved_seconds >= request.settings.checkpoint_seconds
+        if due and work.actions > saved_actions:
+            saved_seconds, saved_actions = stopwatch.seconds, work.actions
+            yield checkpoint(session)
+        is_atomic = isinstance(action, RollbackAction)
+        yield from _run_atomically(action, session) if is_atomic else action(session)
+        work.actions += 1
+        request.ranks.check_same("the work", (work, request.generator.get_state()))
+    if work.actions > saved_actions:
+        yield checkpoint(session)
+
+
+def _run_atomically(action: RollbackAction, session: Session) -> Iterator[Event | Checkpoint]:
+    """Run an action; on failure, restore the session and yield a checkpoint of it as it was."""
+    snapshot, events = SessionSnapshot(session), 0
+    try:
+        for event in action(session):
+            events += 1
+            yield event
+    except GeneratorExit:
+        raise
+    except BaseException:  # Ctrl-C too
+        snapshot.restore(session)
+        if session.progress.work.actions:
+            yield checkpoint(session, undone=events)
+        raise
+
+
+def checkpoint(session: Session, undone: int = 0) -> Checkpoint:
+    """A checkpoint of the session; the last `undone` events belong to an action rolled back."""
+    return Checkpoint(
+        session_state(session).along_with(undone=undone),
+        session.progress.work.steps,
+        session.progress.stopwatch.seconds,
+        session.whole_scene,
+    )

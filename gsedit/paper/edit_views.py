@@ -1,0 +1,322 @@
+"""Ask the 2D editor for a batch of views that agree with each other and with the finished ones."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Generator, Iterator, Mapping, Sequence
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from gsedit.consistency.correspond import Correspondences, correspond
+from gsedit.consistency.depth_maps import DEFAULT_RULES, NO_RULES
+from gsedit.consistency.harmonise_by_depth import Surface, harmonise_by_depth
+from gsedit.datasets.dataset import View
+from gsedit.datasets.image_ops import downscale
+from gsedit.datasets.padding import pad_camera, pad_to_multiple
+from gsedit.diffusion.settings import SamplerSettings
+from gsedit.editor_protocol import EditBatch
+from gsedit.errors import GseditError
+from gsedit.paper.guided import carry_change
+from gsedit.paper.session import Session, preview
+from gsedit.paper.unedited import UneditedRenders
+from gsedit.paper.view_plan import view_overlap
+from gsedit.paper.vote_region import vote_region
+from gsedit.runs.events import Event
+from gsedit.select.region import coverage
+from rasterizer.camera import Camera
+
+WEAK_MATCH_SHARE = 0.05
+"""Mean share of matched cells below which a batch has little to agree on: worth a warning."""
+MEASURE = "measure"
+"""The stage in which the editor is asked for views to compare the result with."""
+MIN_ANCHOR_OVERLAP = 0.3
+"""Least overlap of a further anchor with the new views: below it few cells match (0.12 of them on
+the bear), and a view's cells are compared for nothing."""
+MIN_MATCH_OVERLAP = 0.01
+"""Least overlap of two views (see `view_overlap`) whose cells are compared. A matched cell has an
+alpha of at least 0.9 in both pictures, and is at most twice as wide and high in one as in the
+other: a pair of less overlap matches at most 0.01 * 4 / 0.9 = 4.4 % of its cells."""
+
+
+def edit_views(
+    session: Session,
+    batch: Sequence[int],
+    *,
+    step: int = 0,
+    steps: int = 0,
+    sampler: SamplerSettings | None = None,
+) -> Iterator[Event]:
+    """Edit the views with these indices together, tied to finished ones by the settings' anchors.
+
+    This is batch `step` of `steps`. `sampler` overrules the settings'. The targets, pairs, region
+    and ground truth of the progress are brought up to date.
+    """
+    settings = session.request.settings
+    sampler, anchors = sampler or settings.sampler, settings.anchors
+    edited, stopwatch = session.progress.edited, session.progress.stopwatch
+    tied = choose_anchors(session.surveyed.weights, batch, tuple(edited.targets))[:anchors]
+    members = (*batch, *tied)
+    with stopwatch.stage("correspond"):
+        matches = match_views(session, members)
+    pairs = _named_pairs(matches, [session.request.every_view[i].name for i in members])
+    edited.pairs += pairs
+    note = _describe(matches, [share for *_, share in pairs])
+    yield Event("correspond", stopwatch.seconds, step, steps, note=note)
+    with stopwatch.stage("sample"):
+        images = yield from sample_views(session, members, tied, matches, sampler)
+    yield from _accept(session, dict(zip(batch, images)), step, steps)
+
+
+def edit_alone(
+    session: Session, view: int, sampler: SamplerSettings, *, step: int = 0, steps: int = 0
+) -> Iterator[Event]:
+    """Edit the view with this index on its own: with noise of its own, tied to no other view.
+
+    This is edit `step` of `steps`. The targets, region and ground truth of the progress are brought
+    up to date.
+    """
+    with session.progress.stopwatch.stage("sample"):
+        images = yield from sample_views(session, (view,), (), None, sampler)
+    yield from _accept(session, {view: images[0]}, step, steps)
+
+
+def _accept(
+    session: Session, answers: Mapping[int, Float[Tensor, "h w 3"]], step: int, steps: int
+) -> Iterator[Event]:
+    """Make the editor's pictures of these views their targets, within the region."""
+    request, edited = session.request, session.progress.edited
+    stopwatch, views = session.progress.stopwatch, session.request.every_view
+    edited.answers |= answers
+    with stopwatch.stage("region"):
+        first = edited.region is None
+        if first:
+            originals = {i: session.unedited.condition(i) for i in edited.answers}
+            cameras = [view.camera for view in views]
+            execution = request.settings.execution
+            edited.region = vote_region(
+                request.scene, cameras, edited.answers, originals, execution
+            )
+            edited.voted = True
+            yield Event("region", stopwatch.seconds, step, steps, note=str(edited.region))
+        for i in edited.answers if first else answers:  # earlier ones had no region yet
+            image = session.within_region(i, edited.answers[i])
+            edited.targets[i] = View(views[i].name, views[i].camera, image)
+    find_ground_truth(session, edited.answers)
+
+
+def sample_views(
+    session: Session,
+    members: Sequence[int],
+    anchors: Sequence[int],
+    matches: Correspondences | None,
+    sampler: SamplerSettings,
+    start: Mapping[int, Float[Tensor, "h w 3"]] | None = None,
+    stage: str = "sample",
+) -> Generator[Event, None, list[Float[Tensor, "h w 3"]]]:
+    """Ask the 2D editor for pictures of `members` but `anchors`, which stay as they were edited.
+
+    Without `matches` every view is edited on its own. Sampling begins at `start`, or where the
+    scene is now. Everything that a target goes through belongs here: held-out views are asked for
+    in the same way. Views are edited at the editor's size, and their change is carried to their
+    own. Yields events of the `stage`; returns pictures in [0, 1].
+    """
+    request, progress = session.request, session.progress
+    batch = batch_of(session, members, anchors, matches, start)
+    images, evaluations = None, 0
+    for each in request.editor.edit(batch, sampler, request.generator):
+        seconds = progress.stopwatch.seconds
+        yield Event(stage, seconds, each.step, each.steps)
+        images, evaluations = each.images, each.evaluations
+    if stage != MEASURE:  # what the result is compared with is no cost of the edit
+        progress.work.calls += len(members) - len(anchors)
+        progress.work.evaluations += evaluations
+    if images is None:
+        raise RuntimeError(f"editor {request.editor.name} ended without images")
+    names = [request.every_view[i].name for i in members]
+    images = validate_edited_images(images, batch.originals, names)
+    if matches and sampler.consensus and sampler.harmonise:
+        images = _harmonised(session.unedited, members, images, batch.anchored, sampler)
+    sampled = []
+    for i, image, original in zip(members, images, batch.originals):
+        if i not in anchors:
+            full = session.unedited.condition(i)
+            sampled.append(carry_change(image[None].to(full), original[None].to(full), full[None]))
+    return [each[0] for each in sampled]
+
+
+def find_ground_truth(session: Session, edited: Mapping[int, Float[Tensor, "h w 3"]]) -> None:
+    """Find the true edit that these pictures of views show, where the editor has one."""
+    find = session.request.editor.capabilities.find_ground_truth
+    if find is not None:
+        images = torch.stack(list(edited.values()))
+        originals = torch.stack([session.unedited.condition(i) for i in edited])
+        session.progress.edited.ground_truth = find(session.request.prompt, images, originals)
+
+
+def match_views(session: Session, members: Sequence[int]) -> Correspondences:
+    """Match latent cells of these views that show the same place, by the unedited scene's depth."""
+    unedited, cell = session.unedited, session.request.editor.cell
+    visibility = session.request.settings.visibility
+    renderings = [unedited.edit_rendering(i) for i in members]
+    depths = [r.median_depth for r in renderings if r.median_depth is not None]
+    alphas = [r.alpha for r in renderings]
+    # up to whole cells nothing is seen: alpha 0
+    return correspond(
+        [pad_camera(unedited.edit_camera(i), cell) for i in members],
+        pad_to_multiple(torch.stack(depths), cell, "constant"),
+        pad_to_multiple(torch.stack(alphas), cell, "constant"),
+        cell=cell,
+        rules=DEFAULT_RULES if visibility else NO_RULES,
+        apart=_apart(session.surveyed.weights, members) if visibility else set(),
+    )
+
+
+def _apart(weights: Float[Tensor, "v n"], members: Sequence[int]) -> set[tuple[int, int]]:
+    """Pairs of positions in `members` whose views were surveyed to share next to nothing."""
+    known = [k for k, i in enumerate(members) if i < len(weights)]
+    if len(known) < 2:
+        return set()
+    rows = weights[[members[k] for k in known]]
+    shared = view_overlap(rows, rows)
+    pairs = itertools.combinations(range(len(known)), 2)
+    return {(known[a], known[b]) for a, b in pairs if shared[a, b] < MIN_MATCH_OVERLAP}
+
+
+def _harmonised(
+    unedited: UneditedRenders,
+    members: Sequence[int],
+    images: Float[Tensor, "v h w 3"],
+    anchored: Bool[Tensor, " v"] | None,
+    sampler: SamplerSettings,
+) -> Float[Tensor, "v h w 3"]:
+    """The editor's pictures of these views, their coarse colors brought to agreement."""
+    surfaces = []
+    for i in members:
+        rendering = unedited.edit_rendering(i)
+        assert rendering.median_depth is not None
+        camera, color = unedited.edit_camera(i), rendering.color.clamp(0, 1)
+        surfaces.append(Surface(camera, rendering.median_depth, rendering.alpha, color))
+    strength = sampler.consensus_weight
+    return harmonise_by_depth(images, surfaces, anchored=anchored, strength=strength)
+
+
+def batch_of(
+    session: Session,
+    members: Sequence[int],
+    anchors: Sequence[int] = (),
+    matches: Correspondences | None = None,
+    start: Mapping[int, Float[Tensor, "h w 3"]] | None = None,
+) -> EditBatch:
+    """The batch that the editor is given: new views at `start` (None: current renders), and anchors
+    as they were edited; all at the size at which they are edited."""
+    request, unedited = session.request, session.unedited
+    answers = session.progress.edited.answers
+    cameras = {i: unedited.edit_camera(i) for i in members}
+    new = [i for i in members if i not in anchors]
+    start = start or {i: preview(session, i, cameras[i]) for i in new}
+    originals = {i: unedited.edit_condition(i) for i in members}
+    images = [
+        _at_edit_size(answers[i], unedited.condition(i), originals[i])
+        if i in anchors
+        else _fitted(start[i], cameras[i])
+        for i in members
+    ]
+    return EditBatch(
+        images=torch.stack(images),
+        originals=torch.stack(list(originals.values())),
+        prompt=request.prompt,
+        correspondences=matches,
+        anchored=torch.tensor([i in anchors for i in members]),
+        subject=_subject(session, [cameras[i] for i in members]),
+        seed=session.progress.noise_seed,
+    )
+
+
+def _subject(session: Session, cameras: Sequence[Camera]) -> Float[Tensor, "v h w"] | None:
+    """The region in pictures of the unedited scene, for editors that take it as a mask; None where
+    the editor decides: the region is everything, or comes from its edits.
+    """
+    if session.region.is_all or session.progress.edited.voted:
+        return None
+    scene, execution = session.request.scene, session.request.settings.execution
+    return torch.stack([coverage(session.region, scene, c, execution) for c in cameras])
+
+
+def _at_edit_size(
+    answer: Float[Tensor, "h w 3"], own: Float[Tensor, "h w 3"], original: Float[Tensor, "y x 3"]
+) -> Float[Tensor, "y x 3"]:
+    """An edited view at the size of the unedited picture that the editor is shown.
+
+    `own`: the unedited picture at the view's size. Enlarged, the answer keeps the picture's detail.
+    """
+    height, width = original.shape[:2]
+    if width > answer.shape[1]:
+        return carry_change(answer[None], own[None], original[None])[0]
+    return downscale(answer, width, height).clamp(0, 1)
+
+
+def _fitted(image: Float[Tensor, "h w 3"], camera: Camera) -> Float[Tensor, "y x 3"]:
+    """The picture, as small as the camera's; weights may leave [0, 1] by rounding."""
+    return downscale(image, camera.width, camera.height).clamp(0, 1)
+
+
+def choose_anchors(
+    weights: Float[Tensor, "v n"], batch: Sequence[int], edited: Sequence[int]
+) -> tuple[int, ...]:
+    """The `edited` views that the views of the batch overlap with, the most first.
+
+    The best one is always among them; others where their overlap is at least `MIN_ANCHOR_OVERLAP`
+    on average. `weights` are those of the survey.
+    """
+    finished = [i for i in edited if i not in batch]
+    if not finished:
+        return ()
+    common = view_overlap(weights[finished], weights[list(batch)]).mean(1)
+    order = common.argsort(descending=True, stable=True).tolist()
+    return tuple(finished[i] for i in order if i == order[0] or common[i] >= MIN_ANCHOR_OVERLAP)
+
+
+def _named_pairs(matches: Correspondences, names: Sequence[str]) -> list[tuple[str, str, float]]:
+    """Every two views of a batch with the fraction of their cells that match."""
+    pairs = itertools.combinations(range(len(names)), 2)
+    return [(names[a], names[b], float(matches.matched[a, b])) for a, b in pairs]
+
+
+def _describe(matches: Correspondences, shares: Sequence[float]) -> str:
+    """A sentence on how much the views of a batch have in common, with the `shares` of pairs."""
+    if not shares:
+        return "one view: there is no other to agree with"
+    mean = sum(shares) / len(shares)
+    warning = "; the views see little of each other" if mean < WEAK_MATCH_SHARE else ""
+    return (
+        f"{mean:.0%} of cells matched per pair ({min(shares):.0%} to {max(shares):.0%}), "
+        f"{matches.covered.mean():.0%} in a cluster{warning}"
+    )
+
+
+def validate_edited_images(
+    images: Float[Tensor, "v y x c"], originals: Float[Tensor, "v h w 3"], names: Sequence[str]
+) -> Float[Tensor, "v h w 3"]:
+    """The edited views, clamped to [0, 1]; `names` are those of the views.
+
+    Raises GseditError, with the view, for pictures of another number or size
+    than the originals, and for one that holds NaN or infinity.
+    """
+    if images.shape != originals.shape:
+        made, given = (" x ".join(map(str, each.shape)) for each in (images, originals))
+        raise GseditError(
+            f"the 2D editor made pictures of another size: {made} of {given} (views, height, "
+            "width, colors); mend the editor, or choose another with --editor"
+        )
+    for name, image in zip(names, images):
+        bad = ~image.isfinite()
+        if bad.any():
+            y, x, _ = bad.nonzero()[0].tolist()
+            raise GseditError(
+                f"the 2D editor made a picture of view {name} with {int(bad.sum())} values that "
+                f"are not finite numbers, the first at pixel ({x}, {y}): try --precision float32, "
+                "another --seed or another --editor"
+            )
+    return images.clamp(0, 1)

@@ -1,0 +1,169 @@
+"""Evaluate the result of an edit, and gather the pictures that show it."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterable, Mapping
+from dataclasses import dataclass, replace
+from itertools import chain
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from gsedit.datasets.dataset import View
+from gsedit.datasets.view_list_files import Role, ViewList
+from gsedit.datasets.viewpoints import Viewpoint
+from gsedit.measures.against import TARGETS_ARE
+from gsedit.measures.agreement import Pictures, UneditedViews, spread
+from gsedit.measures.evaluation import evaluate
+from gsedit.measures.evaluation_input import EvaluationInput
+from gsedit.objects.outcome import Outcome
+from gsedit.paper.edit_views import MEASURE, match_views, sample_views
+from gsedit.paper.evidence import SHEET_HELD_OUT_VIEWS, EditMetrics, Evidence, HeldOutViews
+from gsedit.paper.measure_progress import (
+    MAX_PROGRESS_VIEWS,
+    to_ground_truth,
+    to_targets,
+    true_edits,
+)
+from gsedit.paper.session import Session
+from gsedit.paper.strategy import name_of
+from gsedit.runs.events import Event
+from gsedit.scene.picture import render_picture
+from gsedit.select.region import Region
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Drawing(Outcome):
+    """A scene after a 2D editor drew its views, with all bands and Gaussians."""
+
+    region: Region
+    """The Gaussians that could change."""
+    evidence: Evidence
+
+
+def evaluate_edit(session: Session) -> Generator[Event, None, Drawing]:
+    """Render the edited scene, ask the editor for held-out views, and measure.
+
+    Yields the editor's steps, and last what the progress was measured by, over all views.
+    """
+    request, views = session.request, session.request.every_view
+    shown = tuple(session.progress.edited.targets or session.surveyed.plan.views)
+    asked = request.settings.held_out_edits
+    held_out = spread(request.held_out_indices, max(SHEET_HELD_OUT_VIEWS, asked))
+    answers = yield from _edit_held_out(session, held_out[:asked])
+    alone = yield from _edit_alone(session, tuple(answers))
+    given = replace(_evaluation_input(session, shown, held_out, answers), edits_alone=alone)
+    metrics = EditMetrics(evaluate(given), tuple(session.progress.edited.pairs))
+    final = to_targets(metrics.psnr_to_targets)
+    if given.ground_truth:
+        final = to_ground_truth(metrics.psnr_to_ground_truth, len(given.ground_truth))
+    yield final.event("measure", session.progress.stopwatch.seconds)
+    originals = {i: session.unedited.picture(i) for i in (*shown, *held_out)}
+    evidence = Evidence(
+        metrics=metrics,
+        timings={},
+        settings=request.settings,
+        held_out=HeldOutViews(
+            _with_pictures(views, originals, held_out),
+            _with_pictures(views, answers, answers),
+            _with_pictures(views, given.finals, held_out),
+            _with_pictures(views, alone, alone),
+        ),
+        originals=_with_pictures(views, originals, shown),
+        targets=tuple(session.progress.edited.targets.values()),
+        finals=_with_pictures(views, given.finals, shown),
+        strategy=request.strategy,
+        strategy_name=name_of(request.strategy),
+        view_plan=session.surveyed.plan,
+        work=session.progress.work,
+    )
+    scene, region = given.scene, given.region or session.region
+    rows = torch.arange(len(scene))
+    return Drawing(scene, rows, region.inside, region=region, evidence=evidence)
+
+
+def _evaluation_input(
+    session: Session, shown: tuple[int, ...], held_out: tuple[int, ...], answers: Pictures
+) -> EvaluationInput:
+    """The edited scene rendered at edited and held-out views, and all that it is compared with."""
+    request, views = session.request, session.request.every_view
+    measured = tuple(dict.fromkeys((*request.evaluation_views, *held_out)))
+    scene, region = session.whole_scene(), session.region
+    if request.coarse is not None:
+        region = replace(region, inside=request.coarse.expand(region.inside))
+    execution = request.settings.execution
+    finals = {i: render_picture(scene, views[i].camera, execution) for i in (*shown, *measured)}
+    targets = {i: view.image for i, view in session.progress.edited.targets.items()}
+    return EvaluationInput(
+        scene,
+        _view_list(views, shown, measured),
+        {**targets, **answers},
+        targets_are=TARGETS_ARE,
+        unedited=request.whole,
+        region=region,
+        execution=execution,
+        max_perceptual_views=MAX_PROGRESS_VIEWS,
+        ground_truth=true_edits(session, request.evaluation_views),
+        finals=finals,
+        renderings={i: session.unedited.rendering(i) for i in finals},
+    )
+
+
+def _view_list(views: tuple[View, ...], edited: Iterable[int], held_out: Iterable[int]) -> ViewList:
+    """The views with their roles; those that are neither edited nor measured are neighbors."""
+    roles: dict[int, Role] = {i: "held_out" for i in held_out}
+    roles.update((i, "edited") for i in edited)
+    viewpoints = tuple(Viewpoint(view.name, view.camera) for view in views)
+    return ViewList(viewpoints, tuple(roles.get(i, "other") for i in range(len(views))))
+
+
+def _with_pictures(
+    views: tuple[View, ...], pictures: Pictures, indices: Iterable[int]
+) -> tuple[View, ...]:
+    """The views with these indices, showing these pictures."""
+    return tuple(replace(views[i], image=pictures[i]) for i in indices)
+
+
+def _edit_held_out(
+    session: Session, views: tuple[int, ...]
+) -> Generator[Event, None, Mapping[int, Float[Tensor, "h w 3"]]]:
+    """Ask the editor for these held-out views as it was asked for the targets.
+
+    They are tied to targets by anchors and the noise that all batches share. Nothing is asked where
+    that has no meaning: the editor is no diffusion model, so it has no noise to share, or no view
+    was edited. Sampling starts from the unedited scene: the answers must not depend on the edited
+    scene, which is compared with them.
+    """
+    answers, editor = session.progress.edited.answers, session.request.editor
+    if not views or not answers or editor.capabilities.denoiser is None:
+        return {}
+    cameras = [view.camera for view in session.request.every_view]
+    unedited = UneditedViews(cameras, session.unedited.rendering)
+    near = zip(*(unedited.nearest(view, answers) for view in views))  # in turn, a view at a time
+    nearest = tuple(dict.fromkeys(chain.from_iterable(near)))
+    anchors = nearest[: session.request.settings.anchors]
+    members = (*views, *anchors)
+    images = yield from sample_views(
+        session,
+        members,
+        anchors,
+        match_views(session, members),
+        session.request.settings.sampler,
+        start={i: session.unedited.picture(i) for i in views},
+        stage=MEASURE,
+    )
+    return {i: session.within_region(i, image) for i, image in zip(views, images)}
+
+
+def _edit_alone(
+    session: Session, views: tuple[int, ...]
+) -> Generator[Event, None, Mapping[int, Float[Tensor, "h w 3"]]]:
+    """Ask the editor for each of these views on its own, with noise of its own: no anchor, nothing
+    shared, not harmonised. What the targets agree on does not help these pictures."""
+    if not views:
+        return {}
+    start = {i: session.unedited.picture(i) for i in views}
+    sampler = session.request.settings.sampler
+    images = yield from sample_views(session, views, (), None, sampler, start, MEASURE)
+    return {i: session.within_region(i, image) for i, image in zip(views, images)}

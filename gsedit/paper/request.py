@@ -1,0 +1,215 @@
+"""The request of an edit: everything that is given, checked, with every default filled in."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import chain
+from typing import Any
+
+import torch
+
+from gsedit.datasets.dataset import Dataset, View, evenly_spaced
+from gsedit.datasets.lazy_views import of_one_size
+from gsedit.datasets.viewpoints import Viewpoint, that_see, thinned
+from gsedit.editor_protocol import Editor
+from gsedit.editors.ranked import with_ranks
+from gsedit.fitting.edit_loss import check_installed
+from gsedit.measures.features import FeatureExtractor, FilterBank
+from gsedit.paper.settings import EditSettings
+from gsedit.paper.strategy import asks_editor, check_strategy, fits_pictures, name_of
+from gsedit.runs.json_lines import plain
+from gsedit.runs.ranks import ALONE, Ranks
+from gsedit.runs.state import digest, digest_of
+from gsedit.scene.merging.groups import MergedScene, coarsen
+from gsedit.scene.picture import render_picture
+from gsedit.select.region import Region
+from rasterizer.camera import Camera
+from rasterizer.numerics import Execution
+from rasterizer.scene import Gaussians
+
+RESUME_IGNORED = ("checkpoint_seconds", "execution", "held_out_edits")
+"""Settings that may change when an edit is resumed: they do not change the scene."""
+CAMERA_DECIMALS = 5
+"""Decimals of a camera's numbers that identify it: a found one may differ by rounding."""
+LARGE_HELD_OUT_VIEWS = 4
+"""Held-out views at which the edit of a large scene is measured: each render takes seconds."""
+
+
+Views = Dataset | Sequence[Viewpoint]
+"""Photos with cameras, or cameras alone."""
+
+
+@dataclass(frozen=True, eq=False)
+class Method:
+    """How a 2D editor's pictures come into a scene."""
+
+    editor: Editor
+    strategy: Any
+    """See gsedit.paper.actions.Strategy."""
+    generator: torch.Generator
+    features: FeatureExtractor | None = None
+    """Features that the Gram loss compares; None: a bank of oriented filters."""
+    ranks: Ranks = ALONE
+    """Processes among which the work is shared; each is given the same."""
+
+    def check(self, prompt: str) -> None:
+        """Raise UsageError for a strategy that is none, or a sentence it cannot follow."""
+        check_strategy(self.strategy)
+        if asks_editor(self.strategy):
+            self.editor.check(prompt)
+
+
+@dataclass(frozen=True, eq=False)
+class Request:
+    """An edit as it was asked for: scene, instruction, settings, editor, and views."""
+
+    scene: Gaussians
+    """The Gaussians that are fitted: of a large scene, the merged ones."""
+    prompt: str
+    views: tuple[View, ...]
+    """Views that may be edited; indices elsewhere are into `every_view`, which begins with them."""
+    held_out: tuple[View, ...]
+    """Views that are only measured at."""
+    editor: Editor
+    settings: EditSettings
+    strategy: Any
+    """The strategy, see gsedit.paper.actions.Strategy."""
+    features: FeatureExtractor
+    """Features that the Gram loss compares."""
+    generator: torch.Generator
+    region: Region | None = None
+    """The Gaussians of `scene` that may change; None: the edited views will tell."""
+    coarse: MergedScene | None = None
+    """The merged scene of a large one, and that itself; None for others."""
+    ranks: Ranks = ALONE
+    """Processes among which the work is shared; each has the whole request."""
+
+    @property
+    def whole(self) -> Gaussians:
+        """The scene that pictures show, with all Gaussians of a large one."""
+        return self.scene if self.coarse is None else self.coarse.fine
+
+    @property
+    def solves(self) -> bool:
+        """Whether the colors that fit the edited pictures are solved for."""
+        return self.settings.solves and fits_pictures(self.strategy)
+
+    @property
+    def every_view(self) -> tuple[View, ...]:
+        """The views that may be edited, then the held-out ones."""
+        return (*self.views, *self.held_out)
+
+    @property
+    def held_out_indices(self) -> tuple[int, ...]:
+        """Indices of the held-out views."""
+        return tuple(range(len(self.views), len(self.every_view)))
+
+    @property
+    def evaluation_views(self) -> tuple[int, ...]:
+        """Indices of the held-out views at which the result is measured: a few of a large scene."""
+        indices = self.held_out_indices
+        number = len(indices) if self.coarse is None else LARGE_HELD_OUT_VIEWS
+        return tuple(indices[i] for i in evenly_spaced(len(indices), number))
+
+
+def build_request(
+    scene: Gaussians,
+    prompt: str,
+    views: Views,
+    region: Region | None,
+    settings: EditSettings,
+    method: Method,
+) -> Request:
+    """The request of an edit, in which a large scene is merged.
+
+    Raises UsageError for an instruction the editor cannot follow, or a strategy that is no
+    dataclass.
+    """
+    strategy, scene = method.strategy, scene.detach()
+    method.check(prompt)
+    check_installed(settings.update)
+    editor = with_ranks(method.editor, method.ranks)
+    some, held_out = split_views(_pictures(views, scene, settings.execution))
+    settings = _with_defaults(settings, editor, (some or held_out)[0].camera)
+    cameras = [view.camera for view in (*some, *held_out)]
+    coarse = _merged(scene, settings, strategy, cameras)
+    if coarse is not None and region is not None:
+        region = replace(region, inside=coarse.majority(region.inside))
+    return Request(
+        coarse.scene if coarse else scene, prompt, some, held_out, editor, settings, strategy,
+        method.features or FilterBank(), method.generator, region, coarse, method.ranks,
+    )  # fmt: skip
+
+
+def _pictures(views: Views, scene: Gaussians, execution: Execution) -> Dataset:
+    """Views with pictures: photos, or renders that are made when they are read. Of many cameras
+    every k-th is taken, and those that see nothing of the scene are left out."""
+    if isinstance(views, Dataset):
+        return views
+    seeing = that_see(thinned(views), scene, execution)
+
+    def view(each: Viewpoint) -> View:
+        render: Any = partial(render_picture, scene, each.camera, execution)
+        return View(each.name, each.camera, render, None, None, each.lens)
+
+    return Dataset(tuple(map(view, seeing)))
+
+
+def split_views(dataset: Dataset) -> tuple[tuple[View, ...], tuple[View, ...]]:
+    """The views that may be edited and the held-out ones, all of one size.
+
+    A single view, which would be held out, may be edited.
+    """
+    views, held_out = of_one_size(dataset).split()
+    return (views, held_out) if views else (held_out, ())
+
+
+def _with_defaults(settings: EditSettings, editor: Editor, camera: Camera) -> EditSettings:
+    """The settings in force, which the result records: the editor's defaults are filled in.
+
+    Views of this camera's size are edited larger where the editor enlarges, but photos never.
+    """
+    declared = editor.capabilities
+    size = settings.edit_size or declared.best_size
+    keeps = settings.condition == "photo" or not declared.enlarges
+    if size and keeps and size >= max(camera.width, camera.height):
+        size = None  # the views' own
+    sampler = settings.sampler.with_defaults(declared.defaults)
+    return replace(settings, sampler=sampler, edit_size=size)
+
+
+def _merged(
+    scene: Gaussians, settings: EditSettings, strategy: Any, cameras: Sequence[Camera]
+) -> MergedScene | None:
+    """The merged scene that a large one is edited by; None where its Gaussians are edited."""
+    is_merged = settings.geometry == "appearance" and settings.skips("merging")
+    return coarsen(scene, cameras=cameras) if is_merged and fits_pictures(strategy) else None
+
+
+def request_record(request: Request) -> dict[str, Any]:
+    """The request as JSON has it: an edit may be resumed where this is the same."""
+    fields = (getattr(request.scene, name) for name in request.scene.__dataclass_fields__)
+    settings = plain(request.settings)
+    record = {
+        "scene": f"{len(request.scene)} Gaussians, {digest(*fields)}",
+        "instruction": request.prompt,
+        "settings": {k: value for k, value in settings.items() if k not in RESUME_IGNORED},
+        "strategy": {"name": name_of(request.strategy), **plain(request.strategy)},
+        "editor": request.editor.name,
+        "views": _described(request.every_view, request.settings.condition),
+        "seed": request.generator.initial_seed(),
+    }
+    return plain(record)
+
+
+def _described(views: Sequence[View], condition: str) -> str:
+    """Number, size and digest of the views' cameras; of the pictures too where they count."""
+    cameras = [view.camera for view in views]
+    poses = torch.stack([camera.world_to_camera.double() for camera in cameras])
+    lenses = torch.tensor([[c.fx, c.fy, c.cx, c.cy] for c in cameras], dtype=torch.float64)
+    levels = ((255 * view.image).round().byte() for view in views if condition == "photo")
+    rounded = [each.round(decimals=CAMERA_DECIMALS) for each in (poses, lenses)]
+    found = digest_of(chain(rounded, levels))
+    return f"{len(views)} of {cameras[0].width}x{cameras[0].height}, {found}"

@@ -1,0 +1,116 @@
+"""The session of an edit: the request, the surveyed views, the unedited renders, and the progress.
+
+Actions change the progress; everything else is given, or can be rendered again. `n` Gaussians.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from gsedit.fitting.random_crops import MIN_SHOWN_SHARE
+from gsedit.paper.progress import Progress
+from gsedit.paper.request import Request
+from gsedit.paper.survey import SurveyedViews
+from gsedit.paper.unedited import UneditedRenders, render_with_depth
+from gsedit.scene.picture import render_picture
+from gsedit.select.region import Region, everything
+from rasterizer.camera import Camera
+from rasterizer.scene import Gaussians
+
+MIN_SEEN_PIXELS = 1e-3
+"""Fewest survey pixels of all edited views together in which a Gaussian that is seen shows."""
+
+
+@dataclass(frozen=True, eq=False)
+class Session:
+    """An edit in progress."""
+
+    request: Request
+    surveyed: SurveyedViews
+    unedited: UneditedRenders
+    progress: Progress
+
+    @property
+    def scene(self) -> Gaussians:
+        """The fitted scene as it is now, without gradients: of a large one, the merged scene."""
+        return self.progress.optimizer.scene.detach()
+
+    @property
+    def region(self) -> Region:
+        """The region that the edit may change: everything, before it is known."""
+        return self.progress.edited.region or everything(self.request.scene)
+
+    def within_region(self, i: int, edited: Float[Tensor, "h w 3"]) -> Float[Tensor, "h w 3"]:
+        """The edited picture of view i where the region shows, the unedited one elsewhere."""
+        return self.unedited.within(self.region, i, edited)
+
+    def whole_scene(self) -> Gaussians:
+        """A copy of the scene as it is now, with all its bands and all Gaussians of a large one."""
+        if (coarse := self.request.coarse) is not None:
+            return coarse.transfer(self.scene)
+        edited = self.scene
+        rest = self.surveyed.scene.sh[:, edited.sh.shape[1] :]
+        whole = replace(edited, sh=torch.cat((edited.sh, rest), 1)) if rest.shape[1] else edited
+        return whole.map(torch.clone)
+
+
+def render_edited(session: Session, views: Iterable[int]) -> dict[int, Float[Tensor, "h w 3"]]:
+    """Pictures of the whole scene as it is now, in [0, 1], by the index of the view."""
+    request = session.request
+    scene = session.scene if request.coarse is None else session.whole_scene()
+    execution, every = request.settings.execution, request.every_view
+    return {i: render_picture(scene, every[i].camera, execution) for i in views}
+
+
+@torch.no_grad()
+def preview(session: Session, i: int, camera: Camera | None = None) -> Float[Tensor, "h w 3"]:
+    """The scene as it is now at view i, in [0, 1], or at the `camera` at which it is edited.
+
+    For a large scene: the unedited picture, with the change of its merged scene added.
+    """
+    request, unedited = session.request, session.unedited
+    execution, own = request.settings.execution, request.every_view[i].camera
+    camera = camera or own
+    is_unedited = not session.progress.work.steps
+    if request.coarse is None and not is_unedited:
+        return render_picture(session.scene, camera, execution)
+    before = unedited.rendering(i) if camera is own else unedited.edit_rendering(i)
+    if is_unedited:
+        return before.color.clamp(0, 1)
+    now, then = (
+        render_with_depth(scene, camera, execution).color
+        for scene in (session.scene, request.scene)
+    )
+    return (before.color + now - then).clamp(0, 1)
+
+
+def seen_gaussians(session: Session, views: Iterable[int] | None = None) -> Bool[Tensor, " n"]:
+    """The Gaussians of the region that these views see; no others move.
+
+    Without `views`: the edited ones, or the planned ones before any is edited. All Gaussians of the
+    region may move where the settings disable `gaussians`.
+    """
+    surveyed, inside = session.surveyed, session.region.inside
+    if not session.request.settings.skips("gaussians"):
+        return inside
+    rows = list(session.progress.edited.targets or surveyed.plan.views) if views is None else views
+    seen = surveyed.weights[list(rows)].sum(0) > MIN_SEEN_PIXELS
+    return seen & inside & ~surveyed.faint
+
+
+def region_masks(session: Session, views: Iterable[int]) -> list[Bool[Tensor, "h w"]] | None:
+    """The pixels of these views in which the region shows, for crops to be drawn from there.
+
+    None where crops are drawn from everywhere: the region is everything, shows nowhere, or the
+    settings disable `crops`.
+    """
+    region = session.region
+    if region.is_all or not session.request.settings.skips("crops"):
+        return None
+    masks = [session.unedited.coverage(region, i) > MIN_SHOWN_SHARE for i in views]
+    return masks if any(mask.any() for mask in masks) else None

@@ -1,0 +1,108 @@
+"""Settings of an edit that every strategy shares."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from gsedit.diffusion.settings import SamplerSettings
+from gsedit.errors import UsageError
+from gsedit.fitting.settings import UpdateSettings
+from gsedit.paper.skip.decision import DECISIONS, DecisionName
+from gsedit.select.short import expression_of
+from rasterizer.numerics import AUTO, Execution
+
+SMALLEST_EDIT_PIXELS = 16
+"""Least longer side of an edited picture, as of the smallest view: editors need that much."""
+
+
+@dataclass(frozen=True)
+class EditSettings:
+    """Everything that decides an edit but the scene, the instruction, the editor, the strategy
+    and the seed. Raises UsageError for a value out of range."""
+
+    sampler: SamplerSettings = field(default_factory=SamplerSettings)
+    """How the 2D editor samples."""
+    update: UpdateSettings = field(default_factory=UpdateSettings)
+    """How the scene is fitted to the edited views."""
+    views_per_batch: int = field(default=3, metadata={"flag": "--views"})
+    """Views that are edited together."""
+    batches: int = 4
+    """Most batches of views that are edited."""
+    coverage: float = 0.95
+    """Stop after the batch that covers this share of what the camera set sees, in (0, 1]."""
+    overlap: float = 0.5
+    """Target overlap of the views of a batch, in [0, 1]: the mean share of what one view shows
+    that the others show too. With more, views agree better, and more batches cover as much."""
+    view_plan: Literal["covering", "random"] = "covering"
+    """Choice of the views that are edited: those that see most of the scene and each other, or
+    batches drawn at random, as many as may be edited."""
+    anchors: int = 4
+    """Most finished views that a batch is tied to, 0 or more. They cost comparisons, no evaluation
+    of the network."""
+    visibility: bool = True
+    """Whether cells of two views must pass every rule to correspond (depths agree, no silhouette,
+    similar angle, ...); without, it is enough that each is the other's nearest."""
+    geometry: Literal["appearance", "full"] = "appearance"
+    """The part of the scene that moves: colors and opacities only, or positions and shapes too."""
+    condition: Literal["render", "photo"] = "render"
+    """The unedited picture that the editor is shown: a render of the scene, or the photo."""
+    held_out_edits: int = 2
+    """Held-out views that the 2D editor is asked for at the end, to compare the scene with: tied to
+    the targets, and once more alone, so each costs as much as two views that are edited. 0 for
+    none."""
+    edit_size: int | None = None
+    """Longer side, pixels, of the pictures that the editor is given: of larger views it edits small
+    ones, and the change is carried to full size; a network of --editor diffusers also edits large
+    ones of smaller views. None: what the editor was made for."""
+    region: str = "auto"
+    """The region that may change. auto: the subject if the instruction is about it, else
+    everything; all: everything; box:x0,y0,z0,x1,y1,z1 or sphere:x,y,z,r in the coordinates of the
+    scene's file; FILE.npy: one flag a Gaussian (an edit writes region.npy); PHOTO.png with the name
+    of one of the photos, white where the edit belongs, or a folder of such masks."""
+    disable: str = ""
+    """Optimisations that the edit does without, by name and separated by commas, as in
+    crops,gaussians, or all: the work is done that they would skip. --explain lists them."""
+    checkpoint_seconds: float = field(default=30.0, metadata={"flag": "--checkpoint-every"})
+    """Seconds between checkpoints, at least; the views of a batch are edited without one."""
+    execution: Execution = AUTO
+    """How pictures are rendered; it changes the run time, not the pictures."""
+
+    def __post_init__(self) -> None:
+        if expression_of(self.region) == self.region:  # no short form
+            from gsedit.select.questions import check_region  # which loads numpy
+
+            check_region(self.region)
+        if unknown := self._disabled - {*DECISIONS, "all"}:
+            raise UsageError(
+                f"{', '.join(sorted(unknown))}: nothing that can be disabled; give some of "
+                f"{', '.join(DECISIONS)}, or all"
+            )
+        if self.views_per_batch < 1 or self.batches < 1:
+            raise UsageError("views and batches must be 1 or more")
+        if min(self.held_out_edits, self.anchors) < 0:
+            raise UsageError("held-out edits and anchors must be 0 or more")
+        if not self.checkpoint_seconds >= 0:
+            raise UsageError(f"checkpoint_seconds is {self.checkpoint_seconds}: give 0 or more")
+        if not 0 < self.coverage <= 1:
+            raise UsageError(f"coverage {self.coverage} is not in (0, 1]")
+        if self.edit_size is not None and self.edit_size < SMALLEST_EDIT_PIXELS:
+            raise UsageError(
+                f"the edit size is {self.edit_size} pixels: give {SMALLEST_EDIT_PIXELS} or more, "
+                "or leave it out for the size that suits the editor"
+            )
+        if not 0 <= self.overlap <= 1:
+            raise UsageError(f"overlap {self.overlap} is not in [0, 1]")
+
+    @property
+    def solves(self) -> bool:
+        """Whether the colors that fit the targets are solved for: only they move, by the MSE."""
+        return self.geometry == "appearance" and self.update.is_quadratic
+
+    @property
+    def _disabled(self) -> set[str]:
+        return {name.strip() for name in self.disable.split(",") if name.strip()}
+
+    def skips(self, name: DecisionName) -> bool:
+        """Whether the work that this decision is about is skipped where it is not needed."""
+        return not self._disabled & {name, "all"}

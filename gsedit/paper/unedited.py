@@ -1,0 +1,119 @@
+"""Renders of the unedited scene at the views of an edit: the one cache of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from gsedit.datasets.image_ops import downscale
+from gsedit.paper.request import Request
+from gsedit.select.region import Region, composite, coverage
+from rasterizer.camera import Camera
+from rasterizer.numerics import Execution
+from rasterizer.render import Rendering, render
+from rasterizer.scene import Gaussians
+
+
+class UneditedRenders:
+    """Cache of what the unedited scene looks like; each render is made when it is first asked for.
+
+    Indices are into `Request.every_view`.
+    """
+
+    def __init__(self, request: Request, known: Mapping[int, Rendering]) -> None:
+        """`known` renders, by index, were made before, with median depth."""
+        self.request = request
+        self._renderings = dict(known)
+        self._small_renderings: dict[int, Rendering] = {}
+        self._coverages: dict[int, tuple[Region, Float[Tensor, "h w"]]] = {}
+
+    def rendering(self, i: int) -> Rendering:
+        """The render of view i, with median depth."""
+        if i not in self._renderings:
+            self._renderings[i] = self._render(self.request.every_view[i].camera)
+        return self._renderings[i]
+
+    def picture(self, i: int) -> Float[Tensor, "h w 3"]:
+        """The picture of view i, in [0, 1]."""
+        return self.rendering(i).color.clamp(0, 1)
+
+    def color_at(self, camera: Camera) -> Float[Tensor, "h w 3"]:
+        """The colors that a camera sees, not clamped; kept only for cameras of the views."""
+        for i, view in enumerate(self.request.every_view):
+            if view.camera is camera:
+                return self.rendering(i).color
+        return self._render(camera).color
+
+    def edit_camera(self, i: int) -> Camera:
+        """View i's camera at the size at which it is edited, see `EditSettings.edit_size`."""
+        return edit_camera(self.request.every_view[i].camera, self.request.settings.edit_size)
+
+    def edit_rendering(self, i: int) -> Rendering:
+        """The render of view i at the size at which it is edited, with median depth."""
+        camera = self.edit_camera(i)
+        if camera is self.request.every_view[i].camera:
+            return self.rendering(i)
+        if i not in self._small_renderings:
+            self._small_renderings[i] = self._render(camera)
+        return self._small_renderings[i]
+
+    def edit_condition(self, i: int) -> Float[Tensor, "y x 3"]:
+        """The picture of `condition` at the size at which it is edited; a photo is not enlarged."""
+        camera, own = self.edit_camera(i), self.request.every_view[i].camera
+        if camera.width > own.width:
+            return self.edit_rendering(i).color.clamp(0, 1)
+        return downscale(self.condition(i), camera.width, camera.height).clamp(0, 1)
+
+    def condition(self, i: int) -> Float[Tensor, "h w 3"]:
+        """The picture that the editor is shown as the unedited view i, in [0, 1].
+
+        Where a photo is masked, the render is shown: an edited picture has no hole.
+        """
+        rendered = self.rendering(i).color
+        if self.request.settings.condition != "photo":
+            return rendered.clamp(0, 1)
+        view = self.request.every_view[i]
+        picture = view.image.to(rendered)
+        if view.mask is not None:
+            picture = torch.where(view.mask[..., None], picture, rendered)
+        return picture.clamp(0, 1)
+
+    def coverage(self, region: Region, i: int) -> Float[Tensor, "h w"]:
+        """The region's share of each pixel of view i, in [0, 1]; kept for the last region."""
+        known = self._coverages.get(i)
+        if known is None or known[0] is not region:
+            request, camera = self.request, self.request.every_view[i].camera
+            share = coverage(region, request.scene, camera, request.settings.execution)
+            known = self._coverages[i] = (region, share)
+        return known[1]
+
+    def within(
+        self, region: Region, i: int, edited: Float[Tensor, "h w 3"]
+    ) -> Float[Tensor, "h w 3"]:
+        """The edited picture of view i where the region shows, the unedited one elsewhere."""
+        if region.is_all:
+            return edited
+        return composite(edited, self.picture(i), self.coverage(region, i))
+
+    def _render(self, camera: Camera) -> Rendering:
+        return render_with_depth(self.request.whole, camera, self.request.settings.execution)
+
+
+@torch.no_grad()
+def render_with_depth(scene: Gaussians, camera: Camera, execution: Execution) -> Rendering:
+    """A render without gradients, with median depth."""
+    return render(scene, camera, median_depth=True, execution=execution)
+
+
+def edit_camera(camera: Camera, edit_size: int | None) -> Camera:
+    """The camera at the size at which its view is edited; itself where that is its own size."""
+    longest = max(camera.width, camera.height)
+    if edit_size is None or edit_size == longest:
+        return camera
+    width, height = (
+        max(1, round(side * edit_size / longest)) for side in (camera.width, camera.height)
+    )
+    return camera.resized(width, height)
