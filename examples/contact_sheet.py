@@ -26,14 +26,15 @@ from gsedit.cameras.search import ViewConstraints
 from gsedit.datasets.cameras_json import cameras_file, read_cameras
 from gsedit.datasets.view_list_files import HELD_OUT_EVERY
 from gsedit.datasets.viewpoints import Viewpoint, rendered, same_size, thinned
-from gsedit.editing.painters import apply_instruction
+from gsedit.editing.edit import change_steps
+from gsedit.editing.plan import read_steps
 from gsedit.editors import make_editor
 from gsedit.errors import GseditError
 from gsedit.formats.pictures import as_picture
+from gsedit.runs.events import returned
 from gsedit.select.finder import Finder
 from gsedit.synthetic import demo_scene
 from gsedit.synthetic.splats import surface_gaussians
-from gsedit.words.read import read_instruction
 from rasterizer.camera import Camera
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
@@ -143,8 +144,7 @@ def edits(shown: Shown, instructions: Sequence[str]) -> Iterator[Gaussians | Non
     """The scene after each instruction, as `gsedit edit` changes it directly, and the one numbered
     DRAWN as `small` draws it; None, with a line, for one that is refused. The subject is searched
     once."""
-    subject = Finder(shown.scene, shown.viewpoints).subject
-    cameras = [each.camera for each in shown.viewpoints]
+    finder = Finder(shown.scene, shown.viewpoints)
     for i, text in enumerate(instructions):
         say(f"{shown.name}: {text}")
         try:
@@ -152,8 +152,7 @@ def edits(shown: Shown, instructions: Sequence[str]) -> Iterator[Gaussians | Non
                 views = rendered(shown.scene, shown.viewpoints)
                 yield gsedit.edit(shown.scene, text, editor=make_editor(), views=views).scene
                 continue
-            read = read_instruction(text)
-            yield apply_instruction(shown.scene, read, lambda _: subject, cameras).scene
+            yield returned(change_steps(finder, read_steps(text))).scene
         except GseditError as error:
             say(str(error))
             yield None

@@ -26,7 +26,8 @@ from gsedit.cameras.around import find_viewpoints
 from gsedit.cameras.orbit import circle
 from gsedit.datasets.load import load_dataset
 from gsedit.datasets.viewpoints import Viewpoint, viewpoints_of
-from gsedit.editing.painters import apply_change
+from gsedit.editing.painters import PAINTERS, Looking
+from gsedit.editing.plan import key_of
 from gsedit.formats.scenes import load
 from gsedit.measures.decibels import psnr_from_rmse
 from gsedit.measures.metrics import NEAREST, pooled_rmse, squared_error
@@ -85,7 +86,9 @@ def measure(case: Case) -> Score:
     start = process_time()
     region = Finder(case.scene, case.viewpoints).subject
     seconds = process_time() - start
-    painted = apply_change(case.scene, PAINT, region)
+    painted = PAINTERS["paint"](
+        case.scene, (PAINT,), {key_of(PAINT): region.inside}, Looking()
+    ).scene
     rows, errors = [], [[] for _ in DISTANCES]
     for camera, mask in case.truth:
         shown = render(in_one_color(case.scene, region.inside), camera)

@@ -11,8 +11,8 @@ from gsedit_cli.options.editing import edit_settings, resolve
 from gsedit_cli.verbs.fit import Recipe
 
 from gsedit import EditSettings
-from gsedit.editing import strategies
 from gsedit.errors import UsageError
+from gsedit.paper import strategies
 from gsedit.paper.presets import find_preset
 from gsedit.paper.strategies.single_pass import SinglePass
 

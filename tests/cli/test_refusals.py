@@ -183,7 +183,6 @@ REFUSED = """
 2 | ROOM 'paint it teal' CLICK --region all -o out | leave one out
 2 | ROOM 'paint it teal' --at view_0:20 -o out | a column and a row
 2 | ROOM 'paint it teal' --at 0:1,1 -o out | nothing is at
-2 | ROOM 'paint it teal and make it impressionist' CLICK -o out | 2 edits
 2 | ROOM 'make it impressionist' --masks command --masks-run true -o out | 2D editor
 2 | ROOM 'remove it' --editor small --masks clipseg -o out | 2D editor
 2 | list looks ' ' | empty

@@ -16,6 +16,7 @@ from torch import Tensor
 from gsedit.bench.edit import EXACT, Observed, Observer, nearest_truth
 from gsedit.bench.provenance import provenance
 from gsedit.diffusion.sampler import levels_of
+from gsedit.editing.edit import edit_steps
 from gsedit.editing.result import EditResult
 from gsedit.editor_protocol import Editor
 from gsedit.editors import make_editor
@@ -25,7 +26,6 @@ from gsedit.fitting.loss_terms import LossTerm
 from gsedit.fitting.settings import UpdateSettings
 from gsedit.measures.decibels import rmse_from_psnr
 from gsedit.paper.actions import Strategy
-from gsedit.paper.draw import edit_steps
 from gsedit.paper.presets import find_preset
 from gsedit.paper.session import Session, render_edited
 from gsedit.paper.settings import EditSettings
