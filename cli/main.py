@@ -13,37 +13,30 @@ import typer
 from typer.core import TyperGroup
 from typer.main import get_command
 
-from .chain import THEN, operation_verb
-from .core.command import LazyCommand, lazy_verb, paragraphs
+from .chain import THEN, OperationCommand
+from .core.command import SET, LazyCommand, paragraphs
 from .core.console import print_message
 from .core.exits import FAILED, OK, USAGE, Interrupted, explain, one_line
 from .core.ranks import cause, end, leave, meet
-from .verbs.align import align
 from .verbs.app import app as app_verb
-from .verbs.bench import bench
-from .verbs.bend import bend
+from .verbs.bench import bench, bench_
 from .verbs.capture import capture
-from .verbs.clean import clean
-from .verbs.convert import convert
-from .verbs.decimate import decimate
 from .verbs.diff import diff
 from .verbs.doctor import doctor
 from .verbs.edit import edit
-from .verbs.filter import filter_
 from .verbs.fit import fit
 from .verbs.info import info
 from .verbs.list import list_
 from .verbs.make import make
 from .verbs.mcp import mcp
 from .verbs.measure import measure
-from .verbs.merge import merge
 from .verbs.mesh import mesh
 from .verbs.metrics import metrics
-from .verbs.recolor import recolor
+from .verbs.moves import align, bend, transform
+from .verbs.operations import clean, convert, decimate, filter_, merge, recolor
 from .verbs.render import render
 from .verbs.select import select
 from .verbs.style import style
-from .verbs.transform import transform
 from .verbs.view import view
 
 EDITING = (app_verb, edit, make, style)
@@ -73,15 +66,15 @@ class Verbs(TyperGroup):
     def __init__(self, **attributes: Any) -> None:
         super().__init__(**attributes)
         panels = {
-            "Edit from a sentence or a picture": map(lazy_verb, EDITING),
-            "Make a scene from photos": map(lazy_verb, CAPTURING),
-            "Look and measure": map(lazy_verb, LOOKING),
-            f"Change a scene (chain verbs with the word {THEN})": map(operation_verb, CHANGING),
+            "Edit from a sentence or a picture": map(LazyCommand, EDITING),
+            "Make a scene from photos": map(LazyCommand, CAPTURING),
+            "Look and measure": map(LazyCommand, LOOKING),
+            f"Change a scene (chain verbs with the word {THEN})": map(OperationCommand, CHANGING),
             "Help": (
-                lazy_verb(list_),
-                lazy_verb(doctor),
-                lazy_verb(mcp),
-                LazyCommand("bench", "Measure gsedit on this machine.", lambda: get_command(bench)),
+                LazyCommand(list_),
+                LazyCommand(doctor),
+                LazyCommand(mcp),
+                LazyCommand(bench_, lambda: get_command(bench)),
             ),
         }
         for panel, commands in panels.items():
@@ -142,6 +135,7 @@ class Verbs(TyperGroup):
             verb = error.ctx.command_path if getattr(error, "ctx", None) else "gsedit"
             # pydantic, which typer checks values with, begins its messages with "Value error, "
             message = one_line(error.format_message()).replace("Value error, ", "")
+            message = message.replace(SET, "--set ")
             if getattr(error, "option_name", "") == "--compile":
                 message += " The compiled kernel is the default; --kernel torch does without it"
             if message.startswith("Got unexpected extra arg") and verb.split()[-1] in SENTENCES:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from gsedit.formats.streams import SceneHeader
     from gsedit.scene.table import SplatTable
 
-    from ..options.files import FileOptions
+    from ..options.common import FileOptions
 
 
 STREAMED = "streamed"

@@ -3,77 +3,85 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
-from ..core.command import VerbCommand, argument, as_command, flag
+from ..core.command import VerbCommand, argument, as_command, option, parameters_of
 from ..core.console import print_message, print_result
 from ..core.exits import Interrupted
 from ..core.outputs import check_folder
 from ..core.progress import progress
-from ..options.common import Common, Force
+from ..options.common import Common, Writes
 
 if TYPE_CHECKING:
     from gsedit.runs.events import Event
 
 bench = typer.Typer(no_args_is_help=True, add_completion=False, rich_markup_mode=None)
 
-Points = Annotated[
-    Path | None,
-    flag(
-        "--points",
-        "Points of the garden scene: garden.npz, a test asset of gsplat.",
-        "FILE",
-        envvar="GSEDIT_GARDEN",
-    ),
-]
-Cache = Annotated[Path, flag("--cache", "Folder that keeps the reference's pictures.", "FOLDER")]
-Quick = Annotated[bool, flag("--quick", "A short run: fewer and smaller cases.")]
-Folder = Annotated[Path, flag("--output -o", "Folder for the results.", "PATH")]
 Instruction = Annotated[str, argument("INSTRUCTION", "Instruction of the editor closed-form.")]
-Strategy = Annotated[str, flag("--strategy", "How views and scene are edited.", "NAME")]
 
 Row = TypeVar("Row")
 
 
+@dataclass(frozen=True)
+class StabilityOptions(Writes):
+    """Options of `gsedit bench stability`."""
+
+    out: Path = option(Path("out/stability"), "PATH", flags="--output -o")
+    """Folder for the results."""
+    quick: bool = option(False)
+    """A short run: fewer and smaller cases."""
+
+
+@dataclass(frozen=True)
+class TargetOptions:
+    """Options of `gsedit bench targets`."""
+
+    points: Path | None = option(None, "FILE", envvar="GSEDIT_GARDEN")
+    """Points of the garden scene: garden.npz, a test asset of gsplat."""
+    cache: Path = option(Path("out/bench/references"), "FOLDER")
+    """Folder that keeps the reference's pictures."""
+    quick: bool = option(False)
+    """A short run: fewer and smaller cases."""
+
+
+@dataclass(frozen=True)
+class EditOptions(StabilityOptions):
+    """Options of `gsedit bench edit`."""
+
+    out: Path = option(Path("out/bench_edit"), "PATH", flags="--output -o")
+    """Folder for the results."""
+    strategy: str = option("single-pass", "NAME")
+    """How views and scene are edited."""
+
+
 @bench.callback()
-def describe() -> None:
+def bench_() -> None:
     """Measure the renderer and an edit on this machine."""
 
 
-def stability(
-    out: Folder = Path("out/stability"),
-    quick: Quick = False,
-    force: Force = False,
-    *,
-    common: Common,
-) -> None:
+def stability(*, own: StabilityOptions, common: Common) -> None:
     """Draw extreme inputs one by one, and print the errors, or the message of a refusal.
 
     Writes stability.jsonl and stability.md.
 
     gsedit bench stability -o out/stability
     """
-    check_folder(out, force)
+    check_folder(own.out, own.force)
     common.apply()
 
     from gsedit.bench.renderer.stability import ROWS_FILE, stability_to_folder, table
 
-    items = stability_to_folder(out, quick=quick)
-    rows = collect(items, common, out / ROWS_FILE)
-    print_message(f"{len(rows)} cases are in {out}")
-    print_result({"folder": out, "rows": rows}, table(rows), as_json=common.json)
+    items = stability_to_folder(own.out, quick=own.quick)
+    rows = collect(items, common, own.out / ROWS_FILE)
+    print_message(f"{len(rows)} cases are in {own.out}")
+    print_result({"folder": own.out, "rows": rows}, table(rows), as_json=common.json)
 
 
-def targets(
-    points: Points = None,
-    cache: Cache = Path("out/bench/references"),
-    quick: Quick = False,
-    *,
-    common: Common,
-) -> None:
+def targets(*, own: TargetOptions, common: Common) -> None:
     """Print which targets of speed and accuracy the renderer reaches on this machine.
 
     The exit code is 0 whether or not they are reached.
@@ -84,19 +92,16 @@ def targets(
 
     from gsedit.bench.renderer.targets import FULL, QUICK, measure_targets, table
 
-    size = QUICK if quick else FULL
-    rows = collect(measure_targets(size, points, cache), common)
+    size = QUICK if own.quick else FULL
+    rows = collect(measure_targets(size, own.points, own.cache), common)
     reached = sum(target.reached is True for target in rows)
     print_result({"targets": rows, "reached": reached}, table(rows), as_json=common.json)
 
 
 def edit(
     instruction: Instruction = "turn the bear into a bronze statue",
-    out: Folder = Path("out/bench_edit"),
-    strategy: Strategy = "single-pass",
-    quick: Quick = False,
-    force: Force = False,
     *,
+    own: EditOptions,
     common: Common,
 ) -> None:
     """Measure the error of an edit of the built-in scene against seconds, at held-out cameras.
@@ -105,20 +110,20 @@ def edit(
 
     gsedit bench edit -o out/bench_edit
     """
-    from dataclasses import replace
-
-    check_folder(out, force)
+    check_folder(own.out, own.force)
     common.apply()
 
     from gsedit.bench.edit import QUICK, ROWS, EditPlan, edit_to_folder, table
 
-    plan = replace(QUICK if quick else EditPlan(), instruction=instruction, strategy=strategy)
-    rows = collect(edit_to_folder(out, plan), common, out / ROWS)
-    print_result({"folder": out, "rows": rows}, table(rows), as_json=common.json)
+    plan = replace(
+        QUICK if own.quick else EditPlan(), instruction=instruction, strategy=own.strategy
+    )
+    rows = collect(edit_to_folder(own.out, plan), common, own.out / ROWS)
+    print_result({"folder": own.out, "rows": rows}, table(rows), as_json=common.json)
 
 
 for verb in (targets, stability, edit):
-    bench.command(cls=VerbCommand)(as_command(verb))
+    bench.command(cls=VerbCommand)(as_command(verb, parameters_of(verb), verb))
 
 
 def collect(items: Iterator[Event | Row], common: Common, path: Path | None = None) -> list[Row]:

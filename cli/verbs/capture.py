@@ -3,19 +3,28 @@
 from __future__ import annotations
 
 import os
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING, Annotated
 
 from gsedit.capture.settings import CaptureSettings
 
-from ..core.command import argument, flag, shows
+from ..core.command import (
+    Setting,
+    Settings,
+    Values,
+    argument,
+    option,
+    settings_of,
+    shows,
+    with_values,
+)  # fmt: skip
 from ..core.console import print_message, print_result
 from ..core.exits import Interrupted
 from ..core.outputs import check_folder
 from ..core.progress import progress, result_of
-from ..options.common import Force, Seeded
-from ..options.settings import Layout, Setting, SettingsGroup, Values, settings_of, with_values
+from ..options.common import Seeded, Writes
 
 if TYPE_CHECKING:
     from gsedit.capture.capture import CaptureResult
@@ -29,16 +38,23 @@ Source = Annotated[
 
 def capture_settings() -> list[Setting]:
     """An option for each field of CaptureSettings; --threads and --seed are those of every verb."""
-    return settings_of(CaptureSettings(), Layout("Posing", without=("seed", "threads")))
+    return list(settings_of(CaptureSettings(), without=("seed", "threads")))
+
+
+@dataclass(frozen=True)
+class CaptureOptions(Writes):
+    """Options of `gsedit capture` alone."""
+
+    out: Path = option(..., "PATH", flags="--output -o")
+    """Folder to write, which gsedit fit reads."""
 
 
 @shows("--output", "--frames", "--lens", "--focal", "--mask", "--size", "--force", "--seed")
 def capture(
     photos: Source,
-    out: Annotated[Path, flag("--output -o", "Folder to write: `gsedit fit` reads it.", "PATH")],
-    force: Force = False,
     *,
-    values: Annotated[Values, SettingsGroup(capture_settings)],
+    own: CaptureOptions,
+    values: Annotated[Values, Settings(capture_settings)],
     common: Seeded,
 ) -> None:
     """Find the camera of each photo, for gsedit fit.
@@ -49,11 +65,9 @@ def capture(
     interruption, the same command continues; -f starts again.
     """
     settings = settings_from(values, common)
-    result = run_capture(photos, out, settings, force=force, as_json=common.json)
-    print_capture(result, out)
-    from dataclasses import asdict
-
-    print_result(asdict(result), str(out), as_json=common.json)
+    result = run_capture(photos, own.out, settings, force=own.force, as_json=common.json)
+    print_capture(result, own.out)
+    print_result(asdict(result), str(own.out), as_json=common.json)
 
 
 def settings_from(values: Values, common: Seeded) -> CaptureSettings:

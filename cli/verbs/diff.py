@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,22 +11,13 @@ import typer
 from gsedit.storage.inputs import existing_file
 from rasterizer.numerics import Execution, Numerics
 
-from ..core.command import argument, option, output
+from ..core.command import Settings, Values, argument, option, with_values
 from ..core.console import print_json, print_message, shown
 from ..core.kernel import say_kernel
 from ..core.outputs import check_file
 from ..core.progress import counting
 from ..options.cameras import ViewOptions, resolve_cameras
-from ..options.common import (
-    Common,
-    DropInvalid,
-    Force,
-    Scene,
-    load_file,
-    numerics_of,
-    scene_file,
-)
-from ..options.settings import SettingsGroup, Values, with_values
+from ..options.common import Common, Reads, Scene, Writes, load_file, numerics_of, scene_file
 from .render import render_settings
 
 if TYPE_CHECKING:
@@ -59,22 +50,22 @@ class Pair:
 
 
 @dataclass(frozen=True)
-class DiffOptions:
+class DiffOptions(Reads, Writes):
     """Options of `gsedit diff` alone."""
 
-    out: Path | None = output(None, "PNG to write: both scenes and their difference.")
-    count: int = option(8, "Views to compare from, evenly spaced.", min=1)
+    out: Path | None = option(None, "PATH", flags="--output -o")
+    """PNG to write: both scenes and their difference."""
+    count: int = option(8, min=1)
+    """Views to compare from, evenly spaced."""
 
 
 def diff(
     scene: Scene,
     other: Other,
-    drop_invalid: DropInvalid = False,
-    force: Force = False,
     *,
     own: DiffOptions,
     cameras: ViewOptions,
-    values: Annotated[Values, SettingsGroup(render_settings)],
+    values: Annotated[Values, Settings(render_settings)],
     common: Common,
 ) -> None:
     """Compare two scenes: counts, attributes, PSNR and SSIM.
@@ -84,69 +75,43 @@ def diff(
     The cameras come from --data, else from a cameras.json beside either scene, else from
     viewpoints that gsedit finds.
     """
-    check_request((scene, other), own.out, cameras, force)
+    cameras.check()
+    check_file(own.out, own.force, ".png")
+    for path in (scene, other):
+        if not path.is_dir():  # a scene may be a folder; the reader says what is wrong with it
+            existing_file(path)
     common.apply()
 
-    execution = with_values(Execution(), values)
-    pair = read_pair((scene, other), cameras, own.count, execution, drop_invalid=drop_invalid)
-    result = compare(pair, as_json=common.json)
+    from gsedit.toolkit.differences import QUANTILES, difference_table
+    from gsedit.toolkit.differences import diff as compared
+
+    pair = read_pair((scene, other), own, cameras, with_values(Execution(), values))
+    seen = {"numerics": pair.numerics, "execution": pair.execution}
+    with counting("compare", as_json=common.json) as tell:
+        result = compared(*pair.scenes, pair.viewpoints, **seen, progress=tell)
     if own.out is not None:
-        draw(result, pair, own.out, force)
+        draw(result, pair, own.out, own.force)
         print_message(f"the picture is {own.out}")
-    show_result(result, (scene, other), as_json=common.json)
+    if common.json:
+        record = {**asdict(result), "quantiles": QUANTILES, "worst_view": result.worst.name}
+        print_json("diff", {"files": [scene, other], **record})
+    else:
+        typer.echo(shown(difference_table(result, (scene, other))))
 
 
 def read_pair(
-    paths: tuple[Path, Path],
-    cameras: ViewOptions,
-    count: int,
-    execution: Execution,
-    *,
-    drop_invalid: bool,
+    paths: tuple[Path, Path], own: DiffOptions, cameras: ViewOptions, execution: Execution
 ) -> Pair:
     """Read both scenes, and place the views."""
-    before, after = (load_file(path, drop_invalid=drop_invalid) for path in paths)
+    before, after = (load_file(path, drop_invalid=own.drop_invalid) for path in paths)
     say_kernel(execution)
     return Pair(
         paths,
         (before.scene, after.scene),
         (numerics_of(before, paths[0]), numerics_of(after, paths[1])),
-        views_of(*paths, before.scene, cameras, count, execution),
+        views_of(*paths, before.scene, cameras, own.count, execution),
         execution,
     )
-
-
-def show_result(result: SceneDifference, paths: tuple[Path, Path], *, as_json: bool) -> None:
-    """Print the comparison on stdout."""
-    if as_json:
-        print_json("diff", {"files": list(paths), **as_record(result)})
-    else:
-        from gsedit.toolkit.differences import difference_table
-
-        typer.echo(shown(difference_table(result, paths)))
-
-
-def check_request(
-    scenes: tuple[Path, Path], out: Path | None, cameras: ViewOptions, force: bool
-) -> None:
-    """Raise UsageError for options that make no sense, and InputError for a file that is not there,
-    before large files are read."""
-    cameras.check()
-    check_file(out, force, ".png")
-    for path in scenes:
-        if not path.is_dir():  # a scene may be a folder; the reader says what is wrong with it
-            existing_file(path)
-
-
-def compare(pair: Pair, *, as_json: bool) -> SceneDifference:
-    """The comparison, its progress shown."""
-    from gsedit.toolkit.differences import diff
-
-    numerics, execution = pair.numerics, pair.execution
-    with counting("compare", as_json=as_json) as tell:
-        return diff(
-            *pair.scenes, pair.viewpoints, numerics=numerics, execution=execution, progress=tell
-        )
 
 
 def views_of(
@@ -191,12 +156,3 @@ def draw(result: SceneDifference, pair: Pair, out: Path, force: bool) -> None:
         pairs.append(Pictures(title, before, after))
     names = pair.paths[0].name, pair.paths[1].name
     difference_picture(pairs, names, out, overwrite=force)
-
-
-def as_record(result: SceneDifference) -> dict[str, object]:
-    """The comparison for JSON."""
-    from dataclasses import asdict
-
-    from gsedit.toolkit.differences import QUANTILES
-
-    return {**asdict(result), "quantiles": QUANTILES, "worst_view": result.worst.name}

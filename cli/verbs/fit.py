@@ -11,17 +11,24 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from gsedit.fitting.budget import LEAST_STEPS
 from gsedit.fitting.settings import QUALITIES, FitSettings
 
-from ..core.checkpoints import Checkpoints, Resume, load_resume_state, say_threads
-from ..core.command import argument, option, output, shows
+from ..core.checkpoints import Checkpoints, Resumes, load_resume_state, say_threads
+from ..core.command import (
+    Setting,
+    Settings,
+    Values,
+    argument,
+    option,
+    settings_of,
+    shows,
+    with_values,
+)
 from ..core.console import print_message, print_result
 from ..core.kernel import FITS, say_kernel
 from ..core.outputs import check_scene_file
 from ..core.progress import progress, result_of
 from ..core.ranks import drain, is_first, ranks
 from ..options.cameras import load_photos
-from ..options.common import DropInvalid, Force, Seeded, load_scene
-from ..options.files import FileOptions
-from ..options.settings import Layout, Setting, SettingsGroup, Values, settings_of, with_values
+from ..options.common import FileOptions, Reads, Seeded, load_scene
 
 if TYPE_CHECKING:
     from gsedit.datasets.dataset import Dataset as Photos
@@ -38,26 +45,20 @@ Dataset = Annotated[
 
 def fit_settings() -> list[Setting]:
     """Return an option for each field of FitSettings; --minutes stands for `seconds`."""
-    panels = {"execution": "Rendering"}
-    return settings_of(FitSettings(), Layout("Fitting", panels, without=("seconds", "coarse")))
+    return list(settings_of(FitSettings(), without=("seconds", "coarse")))
 
 
 @dataclass(frozen=True)
 class Recipe:
     """How well a scene is fitted, and how long that takes."""
 
-    size: int | None = option(
-        None, "Longer side of the photos.", "PIXELS", min=16, show_default="256; 512 if high"
-    )
-    quality: Literal["draft", "normal", "high"] = option(
-        "normal",
-        "draft: 1.5 minutes, 120,000 Gaussians. normal: 14,000 steps, at most 5 minutes, 150,000. "
-        "high: 15 minutes, 300,000, SH degree 2, photos of 512 pixels. Options that are given win.",
-        "draft|normal|high",
-    )
-    minutes: float | None = option(
-        None, "Stop the fit after this time.", min=0.01, show_default="that of --quality"
-    )
+    size: int | None = option(None, "PIXELS", min=16)
+    """Longer side of the photos. None: 256; 512 if high."""
+    quality: Literal["draft", "normal", "high"] = option("normal")
+    """draft: 1.5 minutes, 120,000 Gaussians. normal: 14,000 steps, at most 5 minutes, 150,000.
+    high: 15 minutes, 300,000, SH degree 2, photos of 512 pixels. Options that are given win."""
+    minutes: float | None = option(None, min=0.01)
+    """Stop the fit after this time. None: that of --quality."""
 
     def pixels(self) -> int:
         """Return the longer side of the photos."""
@@ -76,14 +77,13 @@ class Recipe:
 
 
 @dataclass(frozen=True)
-class FitOptions:
+class FitOptions(Reads, Resumes):
     """Output of a fit, and where it starts."""
 
-    out: Path = output(..., "Scene to write: .ply, .compressed.ply or .spz.")
-    start: Path | None = option(None, "Start from this scene.", "SCENE", flags="--from")
-    drop_invalid: DropInvalid = False
-    force: Force = False
-    resume: Resume = False
+    out: Path = option(..., "PATH", flags="--output -o")
+    """Scene to write: .ply, .compressed.ply or .spz."""
+    start: Path | None = option(None, "SCENE", flags="--from")
+    """Start from this scene."""
 
 
 @shows(
@@ -95,7 +95,7 @@ def fit(
     *,
     own: FitOptions,
     recipe: Recipe,
-    values: Annotated[Values, SettingsGroup(fit_settings)],
+    values: Annotated[Values, Settings(fit_settings)],
     common: Seeded,
 ) -> None:
     """Fit a scene to posed photos.

@@ -4,46 +4,36 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 from gsedit.errors import UsageError
 
-from ..core.command import flag, option
+from ..core.command import option
 from ..core.console import print_message, print_result
 from ..core.outputs import check_file
-from ..options.common import Common, Force, Scene
-from ..options.files import FileOptions
+from ..options.common import Common, FileOptions, Scene, Writes
 
 if TYPE_CHECKING:
     from gsedit.formats.streams import SceneSource
 
-Plot = Annotated[Path | None, flag("--plot", "Picture of histograms to write.", "PNG")]
-
 
 @dataclass(frozen=True)
-class CheckOptions:
-    """How a scene file is checked for defects."""
+class InfoOptions(Writes):
+    """How a scene file is shown, or checked for defects."""
 
-    check: bool = option(
-        False, "List every defect instead, with its rows and the command that mends it."
-    )
-    quick: bool = option(
-        False, "--check: only defects of single rows, for files larger than memory."
-    )
-    strict: bool = option(False, "--check: exit code 1 for any defect, not only for invalid rows.")
+    plot: Path | None = option(None, "PNG")
+    """Picture of histograms to write."""
+    check: bool = option(False)
+    """List every defect instead, with its rows and the command that mends it."""
+    quick: bool = option(False)
+    """--check: only defects of single rows, for files larger than memory."""
+    strict: bool = option(False)
+    """--check: exit code 1 for any defect, not only for invalid rows."""
 
 
-def info(
-    scene: Scene,
-    plot: Plot = None,
-    force: Force = False,
-    *,
-    checks: CheckOptions,
-    files: FileOptions,
-    common: Common,
-) -> None:
+def info(scene: Scene, *, checks: InfoOptions, files: FileOptions, common: Common) -> None:
     """Show what a scene file holds, or with --check its defects.
 
     gsedit info scene.ply --plot histograms.png
@@ -58,35 +48,33 @@ def info(
 
     if not checks.check and (checks.quick or checks.strict):
         raise UsageError("--quick and --strict belong to --check: add it")
-    if checks.check and plot is not None:
+    if checks.check and checks.plot is not None:
         raise UsageError("--check draws no histograms: leave out --plot")
     common.apply()
-    check_file(plot, force)
+    check_file(checks.plot, checks.force)
     source = open_scene(scene, files.read())
     if checks.check:
         check_scene(scene, source, checks, as_json=common.json)
     else:
-        show_summary(scene, source, plot, force, as_json=common.json)
+        show_summary(scene, source, checks, as_json=common.json)
 
 
-def show_summary(
-    scene: Path, source: SceneSource, plot: Path | None, force: bool, *, as_json: bool
-) -> None:
+def show_summary(scene: Path, source: SceneSource, own: InfoOptions, *, as_json: bool) -> None:
     """Print the summary of a scene, and draw its histograms."""
     from gsedit.pictures.scene_table import summary_table
     from gsedit.toolkit.scene_summary import summarise
 
-    summary, sample = summarise(source)
+    (summary, sample), plot = summarise(source), own.plot
     if plot is not None:
         from gsedit.pictures.histograms import plot_histograms
 
-        plot_histograms(sample, scene.name, plot, overwrite=force)
+        plot_histograms(sample, scene.name, plot, overwrite=own.force)
     size = bytes_of(source.path)
     record = {"file": scene, "bytes": size, **of_file(source), **asdict(summary), "plot": plot}
     print_result(record, summary_table(source, size, summary, plot), as_json=as_json)
 
 
-def check_scene(scene: Path, source: SceneSource, checks: CheckOptions, *, as_json: bool) -> None:
+def check_scene(scene: Path, source: SceneSource, checks: InfoOptions, *, as_json: bool) -> None:
     """Print the defects of a scene. Exits with 1 where rows are invalid, or for any if strict."""
     from gsedit.toolkit.check import check, defect_record, defect_table
 

@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from dataclasses import dataclass
 from functools import reduce
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from gsedit.errors import UsageError
 
-from ..core.command import argument, flag
+from ..core.command import argument, option, settings_of
 from ..core.console import print_message, print_result
-from ..options.common import Common, Force
+from ..options.common import Common, Writes
 
 if TYPE_CHECKING:
     from gsedit.editors import Listing
     from gsedit.paper.presets import Preset
-
-    from ..options.settings import Setting
 
 
 What = Annotated[
@@ -37,19 +35,17 @@ Name = Annotated[
         "looks: a sentence, to see what it asks for. settings: a verb, as edit or fit.",
     ),
 ]
-Sheet = Annotated[
-    Path | None,
-    flag(
-        "--output -o",
-        "looks: picture to write, with every look on the built-in scene (about a minute).",
-        "PATH",
-    ),
-]
 
 
-def list_(
-    what: What, name: Name = None, out: Sheet = None, force: Force = False, *, common: Common
-) -> None:
+@dataclass(frozen=True)
+class SheetOptions(Writes):
+    """Picture of the looks, of `gsedit list looks`."""
+
+    out: Path | None = option(None, "PATH", flags="--output -o")
+    """looks: picture to write, with every look on the built-in scene (about a minute)."""
+
+
+def list_(what: What, name: Name = None, *, own: SheetOptions, common: Common) -> None:
     """List the 2D editors, masks, presets, looks or settings.
 
     gsedit list editors
@@ -63,6 +59,7 @@ def list_(
     gsedit list settings edit
     """
     common.apply()
+    out = own.out
     if out is not None and what != "looks":
         raise UsageError(f"-o writes the picture of the looks: leave it out for {what}")
     if what in ("editors", "masks", "presets") and name is not None:
@@ -78,7 +75,7 @@ def list_(
     elif out is not None:
         from gsedit.editors.small.look_sheet import write_sheet
 
-        write_sheet(out, force)
+        write_sheet(out, own.force)
         print_result({"sheet": out}, str(out), as_json=common.json)
     elif name is not None:
         explain_sentence(name, as_json=common.json)
@@ -114,35 +111,26 @@ def list_masks(*, as_json: bool) -> None:
 
 
 def list_presets(*, as_json: bool) -> None:
-    """Print the options that each preset of `gsedit edit` sets."""
+    """Print the settings that each preset of `gsedit edit` sets."""
     from gsedit.paper.presets import PRESETS
 
-    from .edit import all_settings
-
     for name, preset in PRESETS.items():
-        values = preset_values(preset, all_settings())
+        values = preset_values(preset)
         record = {"name": name, "meaning": preset.meaning, "sets": values}
-        lines = [f"{name:<12} {preset.meaning}", *(f"{k} {v}" for k, v in values.items())]
+        lines = [f"{name:<12} {preset.meaning}", *(f"{k}={v}" for k, v in values.items())]
         print_result(record, "\n    ".join(lines), as_json=as_json)
 
 
-def preset_values(preset: Preset, settings: Iterable[Setting]) -> dict[str, Any]:
-    """Return by flag the values of a preset that are not the defaults."""
+def preset_values(preset: Preset) -> dict[str, Any]:
+    """Return by name the values of a preset that are not the defaults."""
     from gsedit.paper.settings import EditSettings
 
-    values: dict[str, Any] = {}
-    for setting in settings:
-        if setting.path[0] == "strategy":
-            if setting.path[-1] in preset.strategy:
-                values[setting.flag] = preset.strategy[setting.path[-1]]
-            continue
-        own, usual = (
-            reduce(getattr, setting.path, each) for each in (preset.settings, EditSettings())
-        )
+    values = {f"strategy.{name}": value for name, value in preset.strategy.items()}
+    for path in (setting.path for setting in settings_of(EditSettings())):
+        own, usual = (reduce(getattr, path, each) for each in (preset.settings, EditSettings()))
         if own != usual:
-            flag = setting.flag
-            values[f"--no-{flag.removeprefix('--')}" if own is False else flag] = own
-    return {flag: "" if value is False else value for flag, value in values.items()}
+            values[".".join(path)] = own
+    return values
 
 
 def editor_text(listing: Listing) -> str:
@@ -190,22 +178,26 @@ def explain_sentence(sentence: str, *, as_json: bool) -> None:
 
 def list_settings(verb: str, *, as_json: bool) -> None:
     """Print the name, the default and the meaning of every setting of a verb."""
+    from ..options.editing import edit_settings
     from .capture import capture_settings
-    from .edit import all_settings
     from .fit import fit_settings
-    from .render import render_settings
+    from .operations import CleanOptions
+    from .render import PathOptions, PictureOptions, render_settings
     from .style import style_settings
 
     known = {
-        "edit": all_settings, "fit": fit_settings, "render": render_settings,
-        "style": style_settings, "capture": capture_settings,
+        "edit": edit_settings, "fit": fit_settings, "style": style_settings,
+        "capture": capture_settings, "clean": lambda: settings_of(CleanOptions),
+        "render": lambda: [*settings_of(PathOptions), *settings_of(PictureOptions),
+                           *render_settings()],
     }  # fmt: skip
     if verb not in known:
         raise UsageError(f"{verb} has no settings: name one of {', '.join(known)}")
     for setting in known[verb]():
         name, default = ".".join(setting.path), setting.default
         record = {
-            "name": name, "flag": setting.flag, "default": default, "meaning": setting.meaning,
+            "name": name, "flag": next(iter(setting.flags), None), "default": default,
+            "meaning": setting.meaning,
         }  # fmt: skip
         value = f" [{default}]" if default else ""
         print_result(record, f"{name}{value}\n    {setting.meaning}", as_json=as_json)

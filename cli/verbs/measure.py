@@ -13,9 +13,8 @@ from gsedit.select.short import place_of
 
 from ..core.command import option, shows
 from ..core.console import print_message, print_result
-from ..options.cameras import ViewOptions
-from ..options.common import Common, DropInvalid, Scene, load_scene
-from ..options.pointing import views_to_point_at
+from ..options.cameras import ViewOptions, resolve_cameras
+from ..options.common import Common, Reads, Scene, load_scene
 
 if TYPE_CHECKING:
     from gsedit.datasets.viewpoints import Viewpoint
@@ -27,29 +26,24 @@ COORDINATES = re.compile(r"\s*-?[\d.]+(e-?\d+)?\s*(,\s*-?[\d.]+(e-?\d+)?\s*){2}"
 
 
 @dataclass(frozen=True)
-class MeasureOptions:
+class MeasureOptions(Reads):
     """Options of `gsedit measure` alone."""
 
-    at: list[str] | None = option(
-        None,
-        "Point on the surface: a pixel of a view, as in frame_00012.jpg:130,80, or X,Y,Z; "
-        "repeatable. Column and row of the view at --size.",
-        "VIEW:X,Y|X,Y,Z",
-    )
-    height: bool = option(False, "Height of each point above the ground instead.")
-    region: str | None = option(
-        None, "Volume of a selection: a name of gsedit select --as, or as in gsedit edit.", "REGION"
-    )
-    data: Path | None = option(None, "Folder of posed photos, or a cameras.json.", "DATASET")
-    size: int | None = option(
-        None, "Longer side of the views that --at counts in.", "PIXELS", min=16, show_default="256"
-    )
+    at: list[str] | None = option(None, "VIEW:X,Y|X,Y,Z")
+    """Point on the surface: a pixel of a view, as in frame_00012.jpg:130,80, or X,Y,Z; repeatable.
+    Column and row of the view at --size."""
+    height: bool = option(False)
+    """Height of each point above the ground instead."""
+    region: str | None = option(None, "REGION")
+    """Volume of a selection: a name of gsedit select --as, or as in gsedit edit."""
+    data: Path | None = option(None, "DATASET")
+    """Folder of posed photos, or a cameras.json."""
+    size: int | None = option(None, "PIXELS", min=16)
+    """Longer side of the views that --at counts in. None: 256."""
 
 
 @shows("--at", "--height", "--region", "--data", "--size", "--json")
-def measure(
-    scene: Scene, drop_invalid: DropInvalid = False, *, own: MeasureOptions, common: Common
-) -> None:
+def measure(scene: Scene, *, own: MeasureOptions, common: Common) -> None:
     """Measure distances, heights, areas and volumes, each with its uncertainty.
 
     gsedit measure scene.ply --at 0:130,80 --at 0:170,82
@@ -70,10 +64,10 @@ def measure(
         if not COORDINATES.fullmatch(text):
             place_of(text)
     common.apply()
-    gaussians = load_scene(scene, drop_invalid=drop_invalid).detach()
+    gaussians = load_scene(scene, drop_invalid=own.drop_invalid).detach()
     typed = points and not own.height and all(COORDINATES.fullmatch(text) for text in points)
     options = ViewOptions(data=own.data, size=own.size)
-    views = () if typed else views_to_point_at(scene, gaussians, options)
+    views = () if typed else resolve_cameras(scene, gaussians, options).viewpoints
     if own.region is not None:
         return tell(scene, {"volume": region_volume(scene, gaussians, own.region, views)}, common)
     found = [point(text, gaussians, views) for text in points]

@@ -7,30 +7,29 @@ from pathlib import Path
 
 from gsedit.errors import UsageError
 
-from ..core.command import option, output, shows
+from ..core.command import option, shows
 from ..core.console import print_message, print_result
 from ..core.outputs import check_file
 from ..options.cameras import ViewOptions, known_cameras
-from ..options.common import Common, DropInvalid, Force, Scene, load_scene
+from ..options.common import Common, Reads, Scene, Writes, load_scene
 from ..options.selection import SelectionOptions
 
 
 @dataclass(frozen=True)
-class MeshOptions:
+class MeshOptions(Reads, Writes):
     """Options of `gsedit mesh` alone."""
 
-    out: Path = output(..., "Mesh to write: .glb, .ply, .obj or .stl.")
-    faces: int = option(200_000, "Most triangles.", "N", min=4, max=20_000_000)
-    watertight: bool = option(
-        False, "Close the surface where no view saw it too, for printing and for volumes."
-    )
+    out: Path = option(..., "PATH", flags="--output -o")
+    """Mesh to write: .glb, .ply, .obj or .stl."""
+    faces: int = option(200_000, "N", min=4, max=20_000_000)
+    """Most triangles of the mesh."""
+    watertight: bool = option(False)
+    """Close the surface where no view saw it too, for printing and for volumes."""
 
 
 @shows("--output", "--faces", "--watertight", "--where", "--region", "--data", "--force")
 def mesh(
     scene: Scene,
-    drop_invalid: DropInvalid = False,
-    force: Force = False,
     *,
     own: MeshOptions,
     selection: SelectionOptions,
@@ -48,7 +47,7 @@ def mesh(
 
     if own.out.suffix.lower() not in SUFFIXES:
         raise UsageError(f"-o {own.out}: name a mesh file: {', '.join(SUFFIXES)}")
-    check_file(own.out, force)
+    check_file(own.out, own.force)
     chosen = selection.selection() if selection.given else None
     common.apply()
 
@@ -58,14 +57,14 @@ def mesh(
     from gsedit.meshing import save_mesh
     from gsedit.scene.table import table_of
 
-    gaussians = load_scene(scene, drop_invalid=drop_invalid).detach()
+    gaussians = load_scene(scene, drop_invalid=own.drop_invalid).detach()
     inside = None if chosen is None else torch.tensor(chosen.mask(table_of(gaussians)))
     known = known_cameras(scene, gaussians, ViewOptions(data=selection.data))
     if known is None:
         print_message("searching the scene for views; cameras beside it, or of --data, are better")
     cameras = [] if known is None else [each.camera for each in known.viewpoints]
     found = mesh_of(gaussians, cameras, inside=inside, faces=own.faces, watertight=own.watertight)
-    save_mesh(found, own.out, overwrite=force)
+    save_mesh(found, own.out, overwrite=own.force)
     closed = found.is_closed
     record = {"mesh": own.out, "vertices": len(found.vertices), "faces": len(found.faces),
               "closed": closed, "volume": found.volume if closed else None}  # fmt: skip

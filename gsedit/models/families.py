@@ -54,7 +54,7 @@ VARIANCE_PRESERVING = (
     "KDPM2DiscreteScheduler", "KDPM2AncestralDiscreteScheduler", "UniPCMultistepScheduler",
     "LCMScheduler",
 )  # fmt: skip
-"""Schedulers of Stable Diffusion's noise: they differ in how they step, which is `--solver` here,
+"""Schedulers of Stable Diffusion's noise: they differ in how they step, which is `solver` here,
 not in how much noise there is at a training step. LCMScheduler makes a consistency model."""
 FLOW = ("FlowMatchEulerDiscreteScheduler",)
 

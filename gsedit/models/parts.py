@@ -176,8 +176,8 @@ class Parts:
         if needed > free:
             raise UsageError(
                 f"{self.weights.place} takes {needed / GB:.1f} GB of memory in {self.precision}, "
-                f"and {free / GB:.1f} GB are free: add --precision auto, close other programs, or "
-                "take a smaller model"
+                f"and {free / GB:.1f} GB are free: add --set precision=auto, close other programs, "
+                "or take a smaller model"
             )
 
     def _weighted(self, name: str, kind: Any, **options: Any) -> Any:

@@ -109,8 +109,9 @@ def test_fit_and_edit_go_on_from_it(captured, tmp_path):
     assert fit.exit_code == 0, fit.stderr
     edit = gsedit(
         "edit", scene, "as bronze", "-o", out, "--data", captured.scene, "--editor", "closed-form",
-        "--size", 32, "--batches", 1, "--views", 3, "--update-steps", 3, "--steps", 3,
-        "--patch", 16, "--held-out-edits", 0, "--overlap", 1, "--coverage", 1,
+        "--size", 32, "--batches", 1, "--views", 3, "--set", "update_steps=3", "--steps", 3,
+        "--set", "patch=16", "--set", "held_out_edits=0", "--set", "overlap=1",
+        "--set", "coverage=1",
     )  # fmt: skip
     assert edit.exit_code == 0, edit.stderr
     assert (out / "scene.ply").is_file()

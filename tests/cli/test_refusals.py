@@ -35,7 +35,7 @@ REFUSED = """
 2 | fit photos -o a.ply --quality best | draft
 2 | fit photos -o taken.ply | -f
 2 | fit photos -o a.ply --set stpes=3 | steps
-2 | fit photos -o a.ply --set nothing-like-it=3 | --help-all
+2 | fit photos -o a.ply --set nothing-like-it=3 | list settings
 2 | fit photos -o a.ply --set steps | NAME=VALUE
 2 | fit photos -o a.ply --set steps=many | --steps
 2 | fit photos -o scene.ply/a.ply | scene.ply
@@ -179,7 +179,6 @@ REFUSED = """
 2 | edit scene.ply 'remove it' --data photos --region all -o out | whole scene
 2 | EDIT --preview -o out | .png
 2 | EDIT --preview -o taken.png | exists
-2 | edit scene.ply 'paint it red' --data photos --seeds 3 | one result
 2 | ROOM 'paint it teal' CLICK --region all -o out | leave one out
 2 | ROOM 'paint it teal' --at view_0:20 -o out | a column and a row
 2 | ROOM 'paint it teal' --at 0:1,1 -o out | nothing is at
@@ -224,14 +223,16 @@ REFUSED = """
 2 | render none.ply -o a.gif --background transparent | PNG
 2 | render none.ply -o out --format exr --background transparent | --format
 2 | render none.ply -o out --show alpha --background transparent | color
-2 | render none.ply -o a.png --depth --background transparent | folder
+2 | render none.ply -o a.png --show color,depth --background transparent | folder
 2 | render none.ply -o a.gif --fps 60 | at most 50
 2 | render none.ply -o out --frames 9 | --path
 2 | render none.ply -o a.png --arc 90 | --arc
-2 | render none.ply -o a.gif --path spline --elevation 9 | spline
+2 | render none.ply -o a.gif --path spline --set elevation=9 | spline
 2 | render none.ply -o out --path orbit --fps 9 | --fps
-2 | render none.ply -o a.gif --crf 18 | --crf
-2 | render none.ply -o out --wipe b.ply --depth | --wipe
+2 | render none.ply -o a.gif --set crf=18 | crf
+2 | render none.ply -o a.mp4 --set crf=low | --set crf
+2 | render none.ply -o a.mp4 --crf 18 | --set crf
+2 | render none.ply -o out --wipe b.ply --show color,depth | --wipe
 2 | render none.ply -o a.exr --wipe b.ply | --wipe
 2 | render none.ply -o out --wipe b.ply --region all | --wipe
 2 | render none.ply -o out --path circle | circle

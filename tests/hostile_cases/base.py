@@ -20,7 +20,7 @@ from rasterizer import Gaussians
 
 Words = list[Any]
 Record = dict[str, Any]
-EDIT = ("--size", 64, "--update-steps", 2, "--batches", 1, "--views", 2, "--steps", 1)
+EDIT = ("--size", 64, "--set", "update_steps=2", "--batches", 1, "--views", 2, "--steps", 1)
 """Options of the shortest edit."""
 DEEP = 100_000
 LONG = 10**5000 - 1

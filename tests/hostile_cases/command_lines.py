@@ -104,7 +104,7 @@ def sizes() -> Iterator[Case]:
         yield Case("size", f"render {size}", lambda a, w=drawn: saved(a, a_scene(), w))
     for option, value in (
         ("--seed", 2**70), ("--seed", -1), ("--seed", "x"), ("--views", 0), ("--views", 10**9),
-        ("--batches", 0), ("--update-steps", -1), ("--threads", 0), ("--threads", 10**6),
+        ("--batches", 0), ("--set", "update_steps=-1"), ("--threads", 0), ("--threads", 10**6),
         ("--region", "box:1"), ("--region", "sphere:0,0,0,nan"), ("--region", "nothing.npy"),
         ("--region", "box:0,0,0,1e308,1e308,1e308"), ("--data", "nowhere"), ("--editor", "../x"),
     ):  # fmt: skip

@@ -26,7 +26,7 @@ from hostile_cases.base import (
     json_text,
 )
 
-RESUMED = ("scene.ply", "turn it into gold", "--size", "64", "--update-steps", "60",
+RESUMED = ("scene.ply", "turn it into gold", "--size", "64", "--set", "update_steps=60",
            "--loss", "mse+gram", "--batches", "1", "--views", "2", "--steps", "1",
            "--checkpoint-every", "0", "-o")  # fmt: skip
 
