@@ -2,7 +2,7 @@
 
 Such a verb is a function of its own options that returns the operation. SCENE, -o, -f, --dry-run
 and the options of every command are added here; a verb whose function has a parameter of one of
-these names (`output`, `files`, `common`) is given its value.
+these names (`output`, `files`) is given its value.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from .core.console import print_result
 from .core.current import current_scene
 from .core.levels import Levels
 from .core.process import Output, process
-from .options.common import Common, FileOptions, first_scene
+from .options.common import FileOptions, first_scene
 
 if TYPE_CHECKING:
     from gsedit.toolkit.operation import Operation
@@ -57,7 +57,7 @@ class Target:
     """A file that must not lie in its folder."""
 
 
-SHARED = {"output": Output, "files": FileOptions, "common": Common}
+SHARED = {"output": Output, "files": FileOptions}
 """Option groups of all such verbs, by parameter name."""
 
 
@@ -70,7 +70,6 @@ class Piece:
     levels: Levels | None
     output: Output
     files: FileOptions
-    common: Common
 
 
 def split(args: Iterable[str]) -> list[list[str]]:
@@ -127,7 +126,7 @@ class OperationCommand(LazyCommand):
         if any(each.moves for each in operations):
             current_scene.set(None)  # the cameras beside it do not fit it any more
         name = verb_name(self.body)
-        return Piece(name, operations, levels, output, values["files"], values["common"])
+        return Piece(name, operations, levels, output, values["files"])
 
 
 FIRST = (keyword("ctx", typer.Context), keyword("scene", SceneOrCheckpoint))
@@ -164,8 +163,6 @@ def run_chain(scene: Path, pieces: list[Piece]) -> None:
         raise UsageError(f"one command writes one scene, not {' and '.join(outs)}: give one -o")
     output = _merged(Output, [p.output for p in pieces])
     files = _merged(FileOptions, [p.files for p in pieces])
-    common = _merged(Common, [p.common for p in pieces])
-    common.apply()
     steps = [(p.verb, each) for p in pieces for each in p.operations]
     for i, (verb, each) in enumerate(steps):
         steps[i] = verb, each.at(scene)
@@ -181,7 +178,7 @@ def run_chain(scene: Path, pieces: list[Piece]) -> None:
         "steps": [{"verb": v, "before": k.before, "after": k.after} for v, k in kept[:-1]],
     }
     text = str(written) if written else "nothing was written (--dry-run)"
-    print_result(record, text, as_json=common.json)
+    print_result(record, text)
 
 
 def _merged(kind: type, records: list[Any]) -> Any:

@@ -15,22 +15,19 @@ from typer.main import get_command
 
 from .chain import THEN, OperationCommand
 from .core.command import SET, LazyCommand, paragraphs
-from .core.console import print_message
+from .core.console import as_json, print_message
 from .core.exits import FAILED, OK, USAGE, Interrupted, explain, one_line
 from .core.ranks import cause, end, leave, meet
 from .verbs.app import app as app_verb
 from .verbs.bench import bench, bench_
 from .verbs.capture import capture
-from .verbs.diff import diff
 from .verbs.doctor import doctor
 from .verbs.edit import edit
 from .verbs.fit import fit
-from .verbs.info import info
 from .verbs.list import list_
+from .verbs.looking import diff, info, measure, mesh
 from .verbs.make import make
 from .verbs.mcp import mcp
-from .verbs.measure import measure
-from .verbs.mesh import mesh
 from .verbs.metrics import metrics
 from .verbs.moves import align, bend, transform
 from .verbs.operations import clean, convert, decimate, filter_, merge, recolor
@@ -93,6 +90,7 @@ class Verbs(TyperGroup):
 
     def main(self, args: Any = None, *rest: Any, **options: Any) -> Any:
         arguments = sys.argv[1:] if args is None else list(args)
+        token = as_json.set(False)
         try:
             # not standalone: typer would print its own boxes and tracebacks
             code = super().main(arguments, *rest, **{**options, "standalone_mode": False})
@@ -101,6 +99,8 @@ class Verbs(TyperGroup):
             code = FAILED
         except Exception as error:
             code = self.end(cause(error), debug="--debug" in arguments)
+        finally:
+            as_json.reset(token)
         end(code or OK)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:

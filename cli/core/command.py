@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import ast
 import inspect
+import os
 import re
 import textwrap
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -18,15 +19,33 @@ from difflib import get_close_matches
 from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar, cast, get_args, get_origin, get_type_hints
+from typing import (
+    TYPE_CHECKING,
+    Annotated,
+    Any,
+    Literal,
+    TypeVar,
+    cast,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 import typer
 from typer.core import TyperCommand
 
 from gsedit.errors import UsageError
 
+from .console import as_json
 from .current import with_saved_regions
 
+if TYPE_CHECKING:
+    import torch
+
+MOST_THREADS = 1024
+"""Most threads that may be asked for: each takes memory, and no machine has more cores."""
+LARGEST_SEED = (1 << 32) - 1
+"""Largest --seed: torch and numpy take it."""
 Body = Callable[..., Any]
 Record = TypeVar("Record")
 FieldPath = tuple[str, ...]
@@ -61,6 +80,43 @@ def option(
     """
     own = {} if flags is None else {"flag": flags}
     return field(default=default, metadata={**own, "option": {"metavar": metavar, **more}})
+
+
+@dataclass(frozen=True)
+class Common:
+    """Options of every verb."""
+
+    json: bool = option(False)
+    """Print results and events as JSON lines on stdout."""
+    debug: bool = option(False)
+    """Show the traceback of an error."""
+    threads: int | None = option(None, min=1, max=MOST_THREADS)
+    """CPU threads to use. None: torch's choice."""
+
+    def apply(self) -> None:
+        """Set how results are printed, and the number of threads, of torch and of programs that are
+        started, for good."""
+        if self.json:
+            as_json.set(True)
+        if self.threads:
+            import torch
+
+            os.environ["OMP_NUM_THREADS"] = str(self.threads)
+            torch.set_num_threads(self.threads)
+
+
+@dataclass(frozen=True)
+class Seeded(Common):
+    """Options of every verb that draws random numbers."""
+
+    seed: int = option(0, min=0, max=LARGEST_SEED)
+    """Seed of the random numbers. Equal seeds and threads give equal results."""
+
+    def generator(self) -> torch.Generator:
+        """The only source of random numbers of a command."""
+        import torch
+
+        return torch.Generator().manual_seed(self.seed)
 
 
 def argument(metavar: str, help: str, **more: Any) -> Any:
@@ -238,7 +294,11 @@ def parameters_of(body: Body) -> list[inspect.Parameter]:
 
 def as_command(body: Body, parameters: Iterable[inspect.Parameter], run: Body) -> Body:
     """Make the function that typer reads of a verb: a parameter that is a record, or annotated as
-    `Settings`, becomes single options. `run` takes the parameters."""
+    `Settings`, becomes single options, and those of every verb are added. `run` takes the
+    parameters."""
+    parameters, own = list(parameters), "common_"
+    if not any(is_common(each.annotation) for each in parameters):
+        parameters.append(keyword(own, Common))
     options: list[inspect.Parameter] = []
     groups: dict[str, tuple[Callable[..., Any], list[Setting]]] = {}
     for parameter in parameters:
@@ -262,12 +322,19 @@ def as_command(body: Body, parameters: Iterable[inspect.Parameter], run: Body) -
             gathered[name] = (
                 given if make is dict else make(**{path[0]: v for path, v in given.items()})
             )
+            if is_common(type(gathered[name])):
+                gathered[name].apply()
+        gathered.pop(own, None)
         return run(**values, **gathered)
 
     command.__name__, command.__doc__ = body.__name__, paragraphs(body)
     command.__signature__ = inspect.Signature(options)  # pyright: ignore[reportFunctionMemberAccess]
     command.__annotations__ = {option.name: option.annotation for option in options}
     return command
+
+
+def is_common(kind: Any) -> bool:
+    return isinstance(kind, type) and issubclass(kind, Common)
 
 
 def paragraphs(body: Body) -> str:

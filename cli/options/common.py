@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
@@ -16,18 +15,10 @@ from ..core.console import print_message
 from ..core.current import current_scene
 
 if TYPE_CHECKING:
-    import torch
-
     from gsedit.formats.scenes import SceneFile
     from gsedit.formats.streams import ReadOptions, WriteOptions
     from gsedit.measures.features import FeatureExtractor
     from rasterizer.scene import Gaussians
-
-
-MOST_THREADS = 1024
-"""Most threads that may be asked for: each takes memory, and no machine has more cores."""
-LARGEST_SEED = (1 << 32) - 1
-"""Largest --seed: torch and numpy take it."""
 
 
 def first_scene(path: Path) -> Path:
@@ -107,40 +98,6 @@ class FileOptions:
             spz_frame=self.spz_frame,
             say=lambda text: print_message(f"{out}: {text}"),
         )
-
-
-@dataclass(frozen=True)
-class Common:
-    """Options of every verb."""
-
-    json: bool = option(False)
-    """Print results and events as JSON lines on stdout."""
-    debug: bool = option(False)
-    """Show the traceback of an error."""
-    threads: int | None = option(None, min=1, max=MOST_THREADS)
-    """CPU threads to use. None: torch's choice."""
-
-    def apply(self) -> None:
-        """Set the number of threads, of torch and of programs that are started, for good."""
-        if self.threads:
-            import torch
-
-            os.environ["OMP_NUM_THREADS"] = str(self.threads)
-            torch.set_num_threads(self.threads)
-
-
-@dataclass(frozen=True)
-class Seeded(Common):
-    """Options of every verb that draws random numbers."""
-
-    seed: int = option(0, min=0, max=LARGEST_SEED)
-    """Seed of the random numbers. Equal seeds and threads give equal results."""
-
-    def generator(self) -> torch.Generator:
-        """The only source of random numbers of a command."""
-        import torch
-
-        return torch.Generator().manual_seed(self.seed)
 
 
 def numbers(flag: str, text: str, *counts: int) -> list[float]:

@@ -16,7 +16,6 @@ from gsedit.errors import UsageError
 
 from ..core.command import argument, option, shows
 from ..core.console import print_message, print_result
-from ..options.common import Common
 
 AFTER_FIRST_PICTURE = 2.0
 """Seconds from the page's start to that of the process for its first command."""
@@ -43,7 +42,7 @@ class AppOptions:
 
 
 @shows("--port", "--no-browser", "--allow", "--host")
-def app(path: Opened = None, *, own: AppOptions, common: Common) -> None:
+def app(path: Opened = None, *, own: AppOptions) -> None:
     """Edit scenes in the browser: open, point, say, compare, keep.
 
     gsedit app scene.ply
@@ -54,16 +53,15 @@ def app(path: Opened = None, *, own: AppOptions, common: Common) -> None:
     where it was. The page reads and writes below the folder of PATH, or the current one. Ctrl-C
     ends it.
     """
-    common.apply()
     from gsedit.pictures.viewer.libraries import import_viser
 
     import_viser()  # before the long part
     if path is not None and not path.exists():
         raise UsageError(f"{path} does not exist: check the path")
-    run_page(path, own, as_json=common.json)
+    run_page(path, own)
 
 
-def run_page(path: Path | None, own: AppOptions, *, as_json: bool) -> None:
+def run_page(path: Path | None, own: AppOptions) -> None:
     """Serve the page until Ctrl-C."""
     from gsedit.app.memory import share_heaps
     from gsedit.app.opening import open_path
@@ -83,7 +81,7 @@ def run_page(path: Path | None, own: AppOptions, *, as_json: bool) -> None:
             if served.port != own.port:
                 print_message(f"port {own.port} is taken: the page is at port {served.port}")
             print_message(f"the page is open until Ctrl-C: {served.address}")
-            print_result({"address": served.address}, served.address, as_json=as_json)
+            print_result({"address": served.address}, served.address)
             if not own.no_browser:
                 webbrowser.open(served.address)
             start_later(page.warm)

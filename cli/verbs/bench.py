@@ -14,7 +14,7 @@ from ..core.console import print_message, print_result
 from ..core.exits import Interrupted
 from ..core.outputs import check_folder
 from ..core.progress import progress
-from ..options.common import Common, Writes
+from ..options.common import Writes
 
 if TYPE_CHECKING:
     from gsedit.runs.events import Event
@@ -63,7 +63,7 @@ def bench_() -> None:
     """Measure the renderer and an edit on this machine."""
 
 
-def stability(*, own: StabilityOptions, common: Common) -> None:
+def stability(*, own: StabilityOptions) -> None:
     """Draw extreme inputs one by one, and print the errors, or the message of a refusal.
 
     Writes stability.jsonl and stability.md.
@@ -71,38 +71,35 @@ def stability(*, own: StabilityOptions, common: Common) -> None:
     gsedit bench stability -o out/stability
     """
     check_folder(own.out, own.force)
-    common.apply()
 
     from gsedit.bench.renderer.stability import ROWS_FILE, stability_to_folder, table
 
     items = stability_to_folder(own.out, quick=own.quick)
-    rows = collect(items, common, own.out / ROWS_FILE)
+    rows = collect(items, own.out / ROWS_FILE)
     print_message(f"{len(rows)} cases are in {own.out}")
-    print_result({"folder": own.out, "rows": rows}, table(rows), as_json=common.json)
+    print_result({"folder": own.out, "rows": rows}, table(rows))
 
 
-def targets(*, own: TargetOptions, common: Common) -> None:
+def targets(*, own: TargetOptions) -> None:
     """Print which targets of speed and accuracy the renderer reaches on this machine.
 
     The exit code is 0 whether or not they are reached.
 
     gsedit bench targets --points garden.npz
     """
-    common.apply()
 
     from gsedit.bench.renderer.targets import FULL, QUICK, measure_targets, table
 
     size = QUICK if own.quick else FULL
-    rows = collect(measure_targets(size, own.points, own.cache), common)
+    rows = collect(measure_targets(size, own.points, own.cache))
     reached = sum(target.reached is True for target in rows)
-    print_result({"targets": rows, "reached": reached}, table(rows), as_json=common.json)
+    print_result({"targets": rows, "reached": reached}, table(rows))
 
 
 def edit(
     instruction: Instruction = "turn the bear into a bronze statue",
     *,
     own: EditOptions,
-    common: Common,
 ) -> None:
     """Measure the error of an edit of the built-in scene against seconds, at held-out cameras.
 
@@ -111,22 +108,21 @@ def edit(
     gsedit bench edit -o out/bench_edit
     """
     check_folder(own.out, own.force)
-    common.apply()
 
     from gsedit.bench.edit import QUICK, ROWS, EditPlan, edit_to_folder, table
 
     plan = replace(
         QUICK if own.quick else EditPlan(), instruction=instruction, strategy=own.strategy
     )
-    rows = collect(edit_to_folder(own.out, plan), common, own.out / ROWS)
-    print_result({"folder": own.out, "rows": rows}, table(rows), as_json=common.json)
+    rows = collect(edit_to_folder(own.out, plan), own.out / ROWS)
+    print_result({"folder": own.out, "rows": rows}, table(rows))
 
 
 for verb in (targets, stability, edit):
     bench.command(cls=VerbCommand)(as_command(verb, parameters_of(verb), verb))
 
 
-def collect(items: Iterator[Event | Row], common: Common, path: Path | None = None) -> list[Row]:
+def collect(items: Iterator[Event | Row], path: Path | None = None) -> list[Row]:
     """The rows of a benchmark; its events are shown meanwhile.
 
     `path`: where an interruption leaves the rows.
@@ -135,7 +131,7 @@ def collect(items: Iterator[Event | Row], common: Common, path: Path | None = No
 
     rows: list[Row] = []
     try:
-        with progress(as_json=common.json) as show:
+        with progress() as show:
             for item in items:
                 if isinstance(item, Event):
                     show(item)

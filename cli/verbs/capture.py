@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 from gsedit.capture.settings import CaptureSettings
 
 from ..core.command import (
+    Seeded,
     Setting,
     Settings,
     Values,
@@ -24,7 +25,7 @@ from ..core.console import print_message, print_result
 from ..core.exits import Interrupted
 from ..core.outputs import check_folder
 from ..core.progress import progress, result_of
-from ..options.common import Seeded, Writes
+from ..options.common import Writes
 
 if TYPE_CHECKING:
     from gsedit.capture.capture import CaptureResult
@@ -65,9 +66,9 @@ def capture(
     interruption, the same command continues; -f starts again.
     """
     settings = settings_from(values, common)
-    result = run_capture(photos, own.out, settings, force=own.force, as_json=common.json)
+    result = run_capture(photos, own.out, settings, force=own.force)
     print_capture(result, own.out)
-    print_result(asdict(result), str(own.out), as_json=common.json)
+    print_result(asdict(result), str(own.out))
 
 
 def settings_from(values: Values, common: Seeded) -> CaptureSettings:
@@ -78,7 +79,7 @@ def settings_from(values: Values, common: Seeded) -> CaptureSettings:
 
 
 def run_capture(
-    photos: Path, out: Path, settings: CaptureSettings, *, force: bool, as_json: bool
+    photos: Path, out: Path, settings: CaptureSettings, *, force: bool
 ) -> CaptureResult:
     """Capture with progress on the terminal. Raises Interrupted with what is left of the work."""
     from gsedit.capture import capture as work
@@ -90,7 +91,7 @@ def run_capture(
     if force:
         work.start_anew(out)
     try:
-        with progress(as_json=as_json) as show:
+        with progress() as show:
             handlers = {work.Line: lambda line: print_message(line.text), Event: show}
             return result_of(work.capture_steps(photos, out, settings), handlers)
     except KeyboardInterrupt:

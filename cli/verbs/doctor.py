@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ..core.command import argument
-from ..core.console import print_message, print_result
+from ..core.console import as_json, print_message, print_result
 from ..core.exits import UNREADABLE
-from ..options.common import Common
 
 if TYPE_CHECKING:
     from gsedit.models.weights import Weights
@@ -23,8 +22,6 @@ Model = Annotated[
 
 def doctor(
     model: Model = None,
-    *,
-    common: Common,
 ) -> None:
     """Check this machine, or the weights of a model.
 
@@ -33,30 +30,29 @@ def doctor(
     Without MODEL: libraries, torch, threads, memory, OpenGL; the exit code is 0 whatever is
     missing. With MODEL, the exit code is 3 if its weights are incomplete.
     """
-    common.apply()
     if model is None:
-        check_machine(as_json=common.json)
+        check_machine()
     else:
-        check_weights(model, as_json=common.json)
+        check_weights(model)
 
 
-def check_machine(*, as_json: bool) -> None:
+def check_machine() -> None:
     """Print a line a check, with advice below it."""
     from gsedit.doctor import check_machine
 
-    if not as_json:
+    if not as_json.get():
         print_message("checking libraries, torch, the compiler and OpenGL: a few seconds")
     problems = 0
     for check in check_machine():
         problems += bool(check.advice)
         advice = f"\n{'':<16} -> {check.advice}" if check.advice else ""
-        print_result(asdict(check), f"{check.name:<16} {check.state}{advice}", as_json=as_json)
-    if not as_json:
+        print_result(asdict(check), f"{check.name:<16} {check.state}{advice}")
+    if not as_json.get():
         counted = f"{problems} problem{'s' if problems > 1 else ''}, marked ->"
         print_message(counted if problems else "no problems")
 
 
-def check_weights(model: str, *, as_json: bool) -> None:
+def check_weights(model: str) -> None:
     """Print what of a model's weights is there. Exits with UNREADABLE unless all of it is."""
     from gsedit.models.hub import find, settings_for
     from gsedit.models.weights import inspect
@@ -66,7 +62,7 @@ def check_weights(model: str, *, as_json: bool) -> None:
     names = ("folder", "complete", "parts", "notes")
     record = {name: getattr(weights, name) for name in names}
     record |= {"kind": weights.family.title, "pipeline": weights.kind.pipeline}
-    print_result(record, as_text(weights), as_json=as_json)
+    print_result(record, as_text(weights))
     if not weights.complete:
         raise typer.Exit(UNREADABLE)
 

@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 from gsedit.errors import UsageError
 
 from ..core.checkpoints import NAME, Checkpoints, Resumes, load_resume_state, say_threads
-from ..core.command import Settings, Values, argument, option, shows, with_values
+from ..core.command import Seeded, Settings, Values, argument, option, shows, with_values
 from ..core.console import print_message, print_result
 from ..core.kernel import RENDERS, UPDATES, say_kernel
 from ..core.outputs import check_folder
 from ..core.progress import progress, result_of
 from ..core.ranks import drain, is_first, ranks
 from ..options.cameras import ViewOptions, resolve_cameras
-from ..options.common import Reads, Scene, Seeded, load_features, load_scene
+from ..options.common import Reads, Scene, load_features, load_scene
 from ..options.editing import (
     AUTO,
     OBJECTS,
@@ -148,7 +148,7 @@ def edit(
             "ground_truth": result.metrics.psnr_to_ground_truth,
             "psnr_outside_region": result.metrics.psnr_outside_region,
         }
-        print_result(record, str(record["scene"]), as_json=common.json)
+        print_result(record, str(record["scene"]))
 
 
 def preview_file(own: EditOptions) -> Path:
@@ -180,7 +180,6 @@ def run_preview(asked: EditCommand) -> None:
     from gsedit.storage.atomic import check_writable
 
     path, common = asked.folder, asked.common
-    common.apply()
     check_writable(path, overwrite=asked.own.force)
     drawn = asks_editor(asked.editor, asked.values)
     steps = read_sentence(asked.instruction, asked.scene, drawn=drawn)
@@ -209,7 +208,7 @@ def run_preview(asked: EditCommand) -> None:
             settings.sampler, settings.execution, settings.edit_size,
         )  # fmt: skip
     save_picture(shown.picture(), path, overwrite=asked.own.force)
-    print_result({"picture": path}, str(path), as_json=common.json)
+    print_result({"picture": path}, str(path))
 
 
 def run_edit(asked: EditCommand) -> EditResult | None:
@@ -231,7 +230,6 @@ def run_edit(asked: EditCommand) -> EditResult | None:
         check_apart(asked.scene, folder)
         state = load_resume_state(folder / NAME, kept, "edit", resume=own.resume, force=own.force)
         check_folder(folder, own.force or state is not None, leftovers=LEFTOVERS)
-    asked.common.apply()
     if not exact:
         say_threads(state)
     settings, how = asked_of_editor(asked, exact=exact)
@@ -248,7 +246,7 @@ def run_edit(asked: EditCommand) -> EditResult | None:
     request = {"settings": settings, "names": names, **how, "generator": asked.common.generator()}
     if own.explain:
         plan = plan_edit(gaussians, asked.instruction, views, **request)
-        return print_result(plan._asdict(), plan.describe(), as_json=asked.common.json)
+        return print_result(plan._asdict(), plan.describe())
     items = edit_steps(gaussians, asked.instruction, views, **request, resume=state, ranks=ranks())
     if not is_first():
         return drain(items)
@@ -259,7 +257,7 @@ def run_edit(asked: EditCommand) -> EditResult | None:
         numbered(folder / OBJECTS, gaussians, views),
     ):
         earlier = [] if state is None else events_of(state)
-        result = run_and_show(items, folder, checkpoints, earlier, as_json=asked.common.json)
+        result = run_and_show(items, folder, checkpoints, earlier)
         carry_beside(asked.scene, gaussians, result, folder)
         write_views(views, result, folder)
         write_edit(folder, result, request=request_of(asked, exact=exact), overwrite=True)
@@ -345,12 +343,7 @@ def write_views(views: Views, result: EditResult, folder: Path) -> None:
 
 
 def run_and_show(
-    items: Iterable[Any],
-    out: Path,
-    checkpoints: Checkpoints,
-    earlier: Iterable[Event],
-    *,
-    as_json: bool,
+    items: Iterable[Any], out: Path, checkpoints: Checkpoints, earlier: Iterable[Event]
 ) -> EditResult:
     """Run an edit, show its events, and print what was found and measured.
 
@@ -363,7 +356,7 @@ def run_and_show(
     from gsedit.runs.journal import event_journal
 
     journal = event_journal(out / UNFINISHED, earlier)
-    with progress(as_json=as_json) as show:
+    with progress() as show:
 
         def write_and_show(event: Event) -> None:
             with suppress(OSError):  # a full disk; the result lists all events

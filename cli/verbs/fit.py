@@ -13,6 +13,7 @@ from gsedit.fitting.settings import QUALITIES, FitSettings
 
 from ..core.checkpoints import Checkpoints, Resumes, load_resume_state, say_threads
 from ..core.command import (
+    Seeded,
     Setting,
     Settings,
     Values,
@@ -28,7 +29,7 @@ from ..core.outputs import check_scene_file
 from ..core.progress import progress, result_of
 from ..core.ranks import drain, is_first, ranks
 from ..options.cameras import load_photos
-from ..options.common import FileOptions, Reads, Seeded, load_scene
+from ..options.common import FileOptions, Reads, load_scene
 
 if TYPE_CHECKING:
     from gsedit.datasets.dataset import Dataset as Photos
@@ -107,7 +108,7 @@ def fit(
     """
     result = run_fit(dataset, own, recipe.pixels(), recipe.settings(values), common)
     if result is not None:
-        print_fit(result, own.out, as_json=common.json)
+        print_fit(result, own.out)
 
 
 def run_fit(
@@ -122,7 +123,6 @@ def run_fit(
         own.out.with_suffix(CHECKPOINT), check=partial(check_scene_file, own.out, own.force)
     )
     state = load_resume_state(checkpoints.path, {}, "fit", resume=own.resume, force=own.force)
-    common.apply()
     say_threads(state)
 
     from gsedit.fitting.fit import fit_steps
@@ -139,7 +139,7 @@ def run_fit(
     if not is_first():
         return drain(steps)
     with checkpoints:
-        with progress(as_json=common.json) as show:
+        with progress() as show:
             result = result_of(steps, {Event: show, Checkpoint: checkpoints.keep})
         say_too_short(result, settings)
         save(result.scene, own.out, overwrite=own.force, options=FileOptions().write(own.out))
@@ -186,7 +186,7 @@ def write_places(photos: Photos, frame: Similarity | None, out: Path, force: boo
         )
 
 
-def print_fit(result: FitResult, out: Path, *, as_json: bool) -> None:
+def print_fit(result: FitResult, out: Path) -> None:
     """Print what the fit came to."""
     print_message(
         f"{len(result.scene)} Gaussians, {result.psnr:.2f} dB on held-out photos, "
@@ -200,4 +200,4 @@ def print_fit(result: FitResult, out: Path, *, as_json: bool) -> None:
         "seconds": result.seconds,
         "curve": result.curve,
     }
-    print_result(record, str(out), as_json=as_json)
+    print_result(record, str(out))

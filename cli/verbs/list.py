@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from gsedit.errors import UsageError
 
 from ..core.command import argument, option, settings_of
-from ..core.console import print_message, print_result
-from ..options.common import Common, Writes
+from ..core.console import as_json, print_message, print_result
+from ..options.common import Writes
 
 if TYPE_CHECKING:
     from gsedit.editors import Listing
@@ -45,7 +45,7 @@ class SheetOptions(Writes):
     """looks: picture to write, with every look on the built-in scene (about a minute)."""
 
 
-def list_(what: What, name: Name = None, *, own: SheetOptions, common: Common) -> None:
+def list_(what: What, name: Name = None, *, own: SheetOptions) -> None:
     """List the 2D editors, masks, presets, looks or settings.
 
     gsedit list editors
@@ -58,59 +58,55 @@ def list_(what: What, name: Name = None, *, own: SheetOptions, common: Common) -
 
     gsedit list settings edit
     """
-    common.apply()
     out = own.out
     if out is not None and what != "looks":
         raise UsageError(f"-o writes the picture of the looks: leave it out for {what}")
-    if what in ("editors", "masks", "presets") and name is not None:
-        raise UsageError(f"{name}: list {what} takes no name")
-    if what == "editors":
-        list_editors(as_json=common.json)
-    elif what == "masks":
-        list_masks(as_json=common.json)
-    elif what == "presets":
-        list_presets(as_json=common.json)
+    nameless = {"editors": list_editors, "masks": list_masks, "presets": list_presets}
+    if what in nameless:
+        if name is not None:
+            raise UsageError(f"{name}: list {what} takes no name")
+        nameless[what]()
     elif what == "settings":
-        list_settings(name or "edit", as_json=common.json)
+        list_settings(name or "edit")
     elif out is not None:
         from gsedit.editors.small.look_sheet import write_sheet
 
         write_sheet(out, own.force)
-        print_result({"sheet": out}, str(out), as_json=common.json)
+        print_result({"sheet": out}, str(out))
     elif name is not None:
-        explain_sentence(name, as_json=common.json)
+        explain_sentence(name)
     else:
-        list_looks(as_json=common.json)
+        list_looks()
 
 
-def list_editors(*, as_json: bool) -> None:
+def list_editors() -> None:
     """Print every 2D editor, of gsedit and of other packages."""
     from gsedit.editors import list_editors
 
     for listing in list_editors():
         record = {**vars(listing), "ready": listing.ready}
-        print_result(record, editor_text(listing), as_json=as_json)
-    if not as_json:
+        print_result(record, editor_text(listing))
+    if not as_json.get():
         print_message(
             "use one: gsedit edit ... --editor NAME; write one: see examples/write_an_editor.py"
         )
 
 
-def list_masks(*, as_json: bool) -> None:
+def list_masks() -> None:
     """Print every mask provider, of gsedit and of other packages."""
     from gsedit.editors.masks import list_masks
 
     for name, summary in list_masks():
         record = {"name": name, "summary": summary}
-        print_result(record, f"{name:<12} {summary}", as_json=as_json)
-    if not as_json:
+        print_result(record, f"{name:<12} {summary}")
+    if not as_json.get():
         print_message(
             'use one: gsedit select ... --phrase "the chair" --masks NAME, or gsedit edit ... '
             "--masks NAME"
         )
 
 
-def list_presets(*, as_json: bool) -> None:
+def list_presets() -> None:
     """Print the settings that each preset of `gsedit edit` sets."""
     from gsedit.paper.presets import PRESETS
 
@@ -118,7 +114,7 @@ def list_presets(*, as_json: bool) -> None:
         values = preset_values(preset)
         record = {"name": name, "meaning": preset.meaning, "sets": values}
         lines = [f"{name:<12} {preset.meaning}", *(f"{k}={v}" for k, v in values.items())]
-        print_result(record, "\n    ".join(lines), as_json=as_json)
+        print_result(record, "\n    ".join(lines))
 
 
 def preset_values(preset: Preset) -> dict[str, Any]:
@@ -144,15 +140,15 @@ def editor_text(listing: Listing) -> str:
     return "\n    ".join(line for line in lines if line)
 
 
-def list_looks(*, as_json: bool) -> None:
+def list_looks() -> None:
     """Print every look, those of the subject first."""
     from gsedit.words.direct import UNCLEAR
     from gsedit.words.looks import LOOKS
 
     for look in LOOKS.values():
         record = {"name": look.name, "scope": look.scope, "wording": look.wording}
-        print_result(record, f"{look.name:<16} {look.scope:<8} {look.wording}", as_json=as_json)
-    if not as_json:
+        print_result(record, f"{look.name:<16} {look.scope:<8} {look.wording}")
+    if not as_json.get():
         print_message(
             "ask in your own words, for one look of the subject, one of the scene, or both; test a "
             'sentence: gsedit list looks "SENTENCE"; draw them: gsedit list looks -o looks.png\n'
@@ -162,7 +158,7 @@ def list_looks(*, as_json: bool) -> None:
         )
 
 
-def explain_sentence(sentence: str, *, as_json: bool) -> None:
+def explain_sentence(sentence: str) -> None:
     """Print the changes that a sentence asks for, or why it is refused.
 
     Raises UsageError for an empty one.
@@ -173,10 +169,10 @@ def explain_sentence(sentence: str, *, as_json: bool) -> None:
         raise UsageError("the sentence is empty: say what should change, as in 'make it snow'")
     read = read_instruction(sentence)
     text = "\n".join(map(str, read.changes)) if read.known else f"refused: {read.why}"
-    print_result(json.loads(read.as_json()), text, as_json=as_json)
+    print_result(json.loads(read.as_json()), text)
 
 
-def list_settings(verb: str, *, as_json: bool) -> None:
+def list_settings(verb: str) -> None:
     """Print the name, the default and the meaning of every setting of a verb."""
     from ..options.editing import edit_settings
     from .capture import capture_settings
@@ -200,4 +196,4 @@ def list_settings(verb: str, *, as_json: bool) -> None:
             "meaning": setting.meaning,
         }  # fmt: skip
         value = f" [{default}]" if default else ""
-        print_result(record, f"{name}{value}\n    {setting.meaning}", as_json=as_json)
+        print_result(record, f"{name}{value}\n    {setting.meaning}")

@@ -13,12 +13,12 @@ from typing import Annotated, Any
 from gsedit.capture.settings import CaptureSettings
 from gsedit.errors import InputError, UsageError
 
-from ..core.command import Setting, Settings, Values, option, settings_of, shows
+from ..core.command import Seeded, Setting, Settings, Values, option, settings_of, shows
 from ..core.console import print_message, print_result
 from ..core.exits import Interrupted
 from ..core.outputs import check_folder
 from ..options.cameras import ViewOptions
-from ..options.common import Seeded, Writes
+from ..options.common import Writes
 from ..options.editing import EditorOptions, asks_editor, read_sentence
 from .capture import Source, capture_summary, run_capture, settings_from
 from .edit import EditCommand, EditOptions, Instruction, run_edit
@@ -77,7 +77,7 @@ def make(
     results = [ledger.result(stage).split("\n")[0] for stage in stages]
     print_message(work.screen(results[-3:], monotonic() - begun))
     places = {"dataset": work.dataset, "scene": work.scene, "edited": work.edit / "scene.ply"}
-    print_result({"folder": own.out, **places}, str(places["edited"]), as_json=common.json)
+    print_result({"folder": own.out, **places}, str(places["edited"]))
 
 
 @dataclass(frozen=True)
@@ -167,9 +167,7 @@ class Work:
         from gsedit.capture.capture import is_begun
 
         force = not is_begun(self.dataset)
-        result = run_capture(
-            self.photos, self.dataset, self.posing, force=force, as_json=self.common.json
-        )
+        result = run_capture(self.photos, self.dataset, self.posing, force=force)
         print_message(summary := capture_summary(result))
         return summary
 

@@ -12,12 +12,12 @@ from gsedit.errors import InputError, UsageError
 from rasterizer.numerics import Execution
 
 from ..core.command import Settings, Values, argument, option, shows, with_values
-from ..core.console import print_json, print_message, shown
+from ..core.console import as_json, print_json, print_message, shown
 from ..core.kernel import say_kernel
 from ..core.outputs import check_file
 from ..core.progress import counting
 from ..options.cameras import ViewOptions, load_views
-from ..options.common import Common, Data, Reads, Writes, load_scene
+from ..options.common import Data, Reads, Writes, load_scene
 from .render import render_settings
 
 if TYPE_CHECKING:
@@ -93,7 +93,6 @@ def metrics(
     outputs: Outputs,
     listed: ListedViews,
     values: Annotated[Values, Settings(render_settings)],
-    common: Common,
 ) -> None:
     """Measure a scene against the unedited one, edited pictures or photos.
 
@@ -110,7 +109,6 @@ def metrics(
         (outputs.out, ".json"), (listed.save_views, ".json"), (outputs.picture, ".png"),
     ):  # fmt: skip
         check_file(path, outputs.force, suffix)
-    common.apply()
 
     from gsedit.datasets.view_list_files import write_view_list
     from gsedit.measures.against import resolve_reference
@@ -127,16 +125,11 @@ def metrics(
         "subject_masks": own.subject_masks,
         "listed_views": listed.views, "size": listed.size,
     }  # fmt: skip
-    measure_and_show(subject, found, request, outputs, as_json=common.json)
+    measure_and_show(subject, found, request, outputs)
 
 
 def measure_and_show(
-    subject: EvaluationInput,
-    against: Reference,
-    request: dict[str, Any],
-    outputs: Outputs,
-    *,
-    as_json: bool,
+    subject: EvaluationInput, against: Reference, request: dict[str, Any], outputs: Outputs
 ) -> None:
     """Measure, write the files, and print the table or the record."""
     from gsedit.measures.evaluation import evaluate
@@ -144,7 +137,7 @@ def measure_and_show(
     from gsedit.pictures.difference_sheet import difference_sheet
     from gsedit.runs.json_lines import write_record
 
-    with counting("measure", as_json=as_json) as tell:
+    with counting("measure") as tell:
         evaluation = evaluate(subject, tell)
     record = evaluation_record(evaluation, request, against)
     if outputs.out is not None:
@@ -153,7 +146,7 @@ def measure_and_show(
     if outputs.picture is not None:
         difference_sheet(subject, outputs.picture, against.targets, overwrite=outputs.force)
         print_message(f"the pictures are {outputs.picture}")
-    if as_json:
+    if as_json.get():
         print_json("metrics", record)
     else:
         typer.echo(shown(evaluation_table(evaluation, against)))

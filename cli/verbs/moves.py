@@ -52,7 +52,7 @@ class Steps:
     """Turn by degrees about the fixed axes: x first, then y, z."""
     rotate_axis: list[str] | None = option(None, "AX,AY,AZ,DEG", flags=None, callback=_placed)
     """Turn by degrees about an axis, right-handed: AX,AY,AZ,DEG."""
-    quat: list[str] | None = option(None, "W,X,Y,Z", flags=None, callback=_placed)
+    quat: list[str] | None = option(None, "W,X,Y,Z", callback=_placed)
     """Turn by a quaternion: W,X,Y,Z."""
     scale: list[str] | None = option(None, "FACTOR", callback=_placed)
     """Scale all axes alike."""

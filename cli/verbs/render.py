@@ -16,7 +16,7 @@ from ..core.kernel import say_kernel
 from ..core.outputs import check_file, check_folder
 from ..core.progress import counting
 from ..options.cameras import FOUND_VIEWS, ResolvedCameras, ViewOptions, resolve_cameras
-from ..options.common import Common, Reads, Scene, Writes, load_file, numerics_of, scene_file
+from ..options.common import Reads, Scene, Writes, load_file, numerics_of, scene_file
 
 if TYPE_CHECKING:
     import numpy as np
@@ -220,7 +220,6 @@ def render(
     path: PathOptions,
     pictures: PictureOptions,
     values: Annotated[Values, Settings(render_settings)],
-    common: Common,
 ) -> None:
     """Render pictures of a scene, or an animation along a path.
 
@@ -234,7 +233,6 @@ def render(
     that gsedit finds.
     """
     check(scene, own, cameras, path, pictures)
-    common.apply()
 
     from gsedit.pictures.frames import Animation
 
@@ -253,7 +251,7 @@ def render(
     shots = tuple(sized(camera, pictures, own.out) for camera in named.values())
     seen = pictures.maps, second, moving is not None, pictures.background_color()
     animation = Animation(gaussians, shots, *seen, execution, numerics)
-    write(animation, list(named), own, path.fps or FPS, pictures, as_json=common.json)
+    write(animation, list(named), own, path.fps or FPS, pictures)
 
 
 def check(
@@ -418,24 +416,22 @@ def write(
     own: RenderOptions,
     fps: float,
     pictures: PictureOptions,
-    *,
-    as_json: bool,
 ) -> None:
     """Write an animation, one picture, or a folder, as the suffix of -o says; print what was
     written."""
     from gsedit.pictures.animations import write_gif, write_mp4
 
     count, out, force = len(animation), own.out, own.force
-    with counting("render", as_json=as_json) as tell:
+    with counting("render") as tell:
         if own.kind == "folder":
             for index, name in enumerate(names):
                 for path in write_files(animation, index, out / name, pictures, force):
-                    print_result({"picture": path}, str(path), as_json=as_json)
+                    print_result({"picture": path}, str(path))
                 tell(index + 1, count)
             print_message(f"{count} views are in {out}")
         elif own.kind == "still":
             write_one(animation, out, pictures, force)
-            print_result({"picture": out}, str(out), as_json=as_json)
+            print_result({"picture": out}, str(out))
         else:
             frames = tracked(animation, tell)
             if out.suffix.lower() == ".gif":
@@ -444,7 +440,7 @@ def write(
                 crf = CRF if pictures.crf is None else pictures.crf
                 write_mp4(frames, out, fps, crf=crf, overwrite=force)
             record = {"animation": out, "frames": count, "fps": fps, "bytes": out.stat().st_size}
-            print_result(record, str(out), as_json=as_json)
+            print_result(record, str(out))
             print_message(f"{count} frames, {count / fps:.1f} s, {out.stat().st_size / 1e6:.1f} MB")
 
 

@@ -12,7 +12,7 @@ from gsedit.errors import UsageError
 from ..core.command import option, shows
 from ..core.console import print_message, print_result
 from ..core.outputs import check_file
-from ..options.common import Common, FileOptions, Reads, Scene, Writes, load_scene
+from ..options.common import FileOptions, Reads, Scene, Writes, load_scene
 from ..options.selection import (
     MaskOptions,
     PointingOptions,
@@ -60,7 +60,6 @@ def select(
     masks: MaskOptions,
     selection: SelectionOptions,
     files: FileOptions,
-    common: Common,
 ) -> None:
     """Save a selection, for --region of other commands.
 
@@ -74,7 +73,7 @@ def select(
     """
     if own.objects or pointing.given:
         provider = masks.make(pointing.phrase)
-        return select_thing(scene, own, pointing, provider, selection, common)
+        return select_thing(scene, own, pointing, provider, selection)
     masks.make(None)
     if own.name is not None:
         raise UsageError("--as saves what --at or --phrase selects: add one of them")
@@ -82,7 +81,6 @@ def select(
         raise UsageError("name the file of flags to write with -o, or add --dry-run")
     check_file(own.out, own.force or own.dry_run, ".npy")
     chosen = need_selection(selection, "select")
-    common.apply()
 
     from gsedit.formats.flags import write_flags
     from gsedit.formats.registry import open_scene
@@ -96,7 +94,7 @@ def select(
         write_flags(flags, written, overwrite=own.force)
     record = {"scene": scene, "output": written, "selected": count, "gaussians": total}
     text = str(written) if written else "nothing was written (--dry-run)"
-    print_result(record, text, as_json=common.json)
+    print_result(record, text)
 
 
 def select_thing(
@@ -105,23 +103,21 @@ def select_thing(
     pointing: PointingOptions,
     masks: MaskProvider | None,
     selection: SelectionOptions,
-    common: Common,
 ) -> None:
     """Select what is pointed at, or list the objects. Raises UsageError."""
     check_thing(scene, own, pointing, selection)
-    common.apply()
     gaussians = load_scene(scene, drop_invalid=own.drop_invalid).detach()
     finder = finder_in(selection.data, pointing.size, masks)(gaussians)
     views = finder.viewpoints
     if own.objects:
-        return list_objects(scene, finder, own, common)
+        return list_objects(scene, finder, own)
     found = pointing.region(finder)
     print_message(f"select: {found}")
     written = [] if own.dry_run else save_thing(found, scene, gaussians, views, own)
     count, total = int(found.inside.sum()), len(found.inside)
     record = {"scene": scene, "output": written, "selected": count, "gaussians": total}
     text = "\n".join(map(str, written)) or "nothing was written (--dry-run)"
-    print_result({**record, "note": found.note}, text, as_json=common.json)
+    print_result({**record, "note": found.note}, text)
 
 
 def check_thing(
@@ -172,7 +168,7 @@ def save_thing(
     return written
 
 
-def list_objects(scene: Path, finder: Finder, own: SelectOptions, common: Common) -> None:
+def list_objects(scene: Path, finder: Finder, own: SelectOptions) -> None:
     """Print the segments of a scene, a line each, and draw them."""
     from gsedit.formats.pictures import save_picture
     from gsedit.pictures.segment_sheet import segment_sheet
@@ -190,7 +186,7 @@ def list_objects(scene: Path, finder: Finder, own: SelectOptions, common: Common
         lines.append(f"{row.number:3} {name}: {count:,} Gaussians, {row.pixels:.1%} of views{on}")
         records.append({"number": row.number, "name": name, "kind": row.kind, "gaussians": count})
     text = "\n".join([*lines, *([str(out)] if out else [])])
-    print_result({"scene": scene, "output": out, "segments": records}, text, as_json=common.json)
+    print_result({"scene": scene, "output": out, "segments": records}, text)
 
 
 def flags_of(source: SceneSource, selection: Selection, *, drop_invalid: bool) -> np.ndarray:

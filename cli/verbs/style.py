@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from ..core.command import (
+    Seeded,
     Setting,
     Settings,
     Values,
@@ -27,7 +28,6 @@ from ..options.common import (
     FileOptions,
     Reads,
     Scene,
-    Seeded,
     Writes,
     load_features,
     load_file,
@@ -83,7 +83,6 @@ def style(
     """
     views.check()
     check_scene_file(own.out, own.force)
-    common.apply()
 
     from gsedit.editing.style.settings import StyleSettings
     from gsedit.editing.style.style import style_steps
@@ -107,12 +106,12 @@ def style(
         where=part,
         generator=common.generator(),
     )
-    with progress(as_json=common.json) as show:
+    with progress() as show:
         result = result_of(steps, {Event: show})
     write(result.scene, file, own.out, own.force)
     print_message(f"look: {shlex.join(['gsedit', 'view', f'{scene}', f'{own.out}'])}")
     record = {"scene": own.out, "gaussians": len(result.scene), "measures": result.measures}
-    print_result(record, str(own.out), as_json=common.json)
+    print_result(record, str(own.out))
 
 
 def write(scene: Gaussians, file: SceneFile, out: Path, force: bool) -> None:

@@ -13,7 +13,7 @@ from ..core.command import argument, option, shows
 from ..core.console import print_message, print_result
 from ..core.outputs import check_file
 from ..options.cameras import Placing, ViewOptions, known_cameras
-from ..options.common import Common, Reads, Scene, Writes, load_file, scene_file
+from ..options.common import Reads, Scene, Writes, load_file, scene_file
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -180,7 +180,6 @@ def view(
     own: ShowOptions,
     viewer: ViewerCamera,
     points: PointOptions,
-    common: Common,
 ) -> None:
     """Show one or two scenes in the browser, as a page, or as points.
 
@@ -201,11 +200,10 @@ def view(
     else:
         points.check_unused()
     check_file(own.out, own.force, ".png" if as_points else ".html")
-    common.apply()
     if as_points:
-        show_points(Scenes(scene, after, own), viewer, points, as_json=common.json)
+        show_points(Scenes(scene, after, own), viewer, points)
     else:
-        show_page(Scenes(scene, after, own), viewer, as_json=common.json)
+        show_page(Scenes(scene, after, own), viewer)
 
 
 @dataclass(frozen=True)
@@ -229,7 +227,7 @@ class Scenes:
         return first, load_file(self.after, drop_invalid=self.own.drop_invalid)
 
 
-def show_page(scenes: Scenes, viewer: ViewerCamera, *, as_json: bool) -> None:
+def show_page(scenes: Scenes, viewer: ViewerCamera) -> None:
     """Write the page of splats, or serve it."""
     from gsedit.pictures.viewer.browser import make_page, write_page
     from gsedit.pictures.viewer.libraries import import_viser
@@ -249,16 +247,14 @@ def show_page(scenes: Scenes, viewer: ViewerCamera, *, as_json: bool) -> None:
     )  # fmt: skip
     say_what_differs(before, after)
     if own.out is None:
-        serve(page, own.port, as_json=as_json)
+        serve(page, own.port)
         return
     write_page(page, own.out, overwrite=own.force)
     print_message(f"{own.out} shows {len(before)} Gaussians, from disk and without a network")
-    print_result({"page": str(own.out)}, str(own.out), as_json=as_json)
+    print_result({"page": str(own.out)}, str(own.out))
 
 
-def show_points(
-    scenes: Scenes, viewer: ViewerCamera, points: PointOptions, *, as_json: bool
-) -> None:
+def show_points(scenes: Scenes, viewer: ViewerCamera, points: PointOptions) -> None:
     """Write the picture of points, or open a window of them."""
     from gsedit.pictures.viewer.preview import preview
 
@@ -283,7 +279,7 @@ def show_points(
         )  # fmt: skip
     if out is not None:
         print_message(f"{out} shows {points.counted(scene)}")
-        print_result({"picture": str(out)}, str(out), as_json=as_json)
+        print_result({"picture": str(out)}, str(out))
 
 
 def edited_region(scene: Path, after: Path | None) -> Path | None:
@@ -319,7 +315,7 @@ def say_what_differs(before: Gaussians, after: Gaussians | None) -> None:
         print_message(f"{count:,} Gaussians may be slow in a browser: gsedit decimate makes fewer")
 
 
-def serve(page: Page, port: int, *, as_json: bool) -> None:
+def serve(page: Page, port: int) -> None:
     """Keep a live page up until Ctrl-C."""
     import webbrowser
     from threading import Event
@@ -330,7 +326,7 @@ def serve(page: Page, port: int, *, as_json: bool) -> None:
     with server(page, port) as (live, handles):
         add_controls(live, page, handles)
         address = f"http://{live.get_host()}:{live.get_port()}"
-        print_result({"address": address}, address, as_json=as_json)
+        print_result({"address": address}, address)
         print_message("this machine alone reaches the page; Ctrl-C ends it")
         if has_screen():
             webbrowser.open(address)

@@ -34,7 +34,7 @@ class CaptureSettings:
     """Longer side of the photos that are written, pixels; they are never made larger."""
     features: int = 2048
     """SIFT features of a photo, at most."""
-    matching: Matching = "auto"
+    matching: Matching = field(default="auto", metadata={"flag": "--matching"})
     """Pairs of photos that are matched: every pair, or each photo with those after it in the order
     of the names, the last with the first. auto: every pair of up to 80 photos."""
     mapper: Mapper = field(default="incremental", metadata={"flag": "--mapper"})

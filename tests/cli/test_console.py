@@ -48,7 +48,7 @@ def test_a_terminal_gets_bars_and_a_notebook_lines(capsys, monkeypatch, is_noteb
     monkeypatch.delenv(NOTEBOOK, raising=False)
     if is_notebook:
         monkeypatch.setenv(NOTEBOOK, "1")
-    with progress(as_json=False) as show:
+    with progress() as show:
         show(Event("fit", 0.0, 2, 2))
     assert ("[0 s] fit 2/2" in capsys.readouterr().err) == is_notebook
 
