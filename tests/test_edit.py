@@ -16,7 +16,7 @@ from gsedit.editors import Capabilities, make_editor
 from gsedit.errors import UsageError
 from gsedit.fitting.settings import UpdateSettings
 from gsedit.fitting.update import Target, rates, update_steps
-from gsedit.paper.presets import find_preset
+from gsedit.paper.settings import find_preset
 from gsedit.paper.strategies.single_pass import SinglePass
 from gsedit.synthetic import demo_scene, ring_cameras, scenes, surface_gaussians
 from rasterizer import concatenate

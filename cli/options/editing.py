@@ -20,8 +20,7 @@ if TYPE_CHECKING:
     from gsedit.diffusion.settings import Precision
     from gsedit.editors import Editor
     from gsedit.paper.actions import Strategy
-    from gsedit.paper.presets import Preset
-    from gsedit.paper.settings import EditSettings
+    from gsedit.paper.settings import EditSettings, Preset
 
 EDITOR, STRATEGY, SAMPLING, UPDATE = "2D editor", "Strategy", "Sampling", "Scene update"
 STEPS = {
@@ -221,7 +220,7 @@ def resolve(preset: str, values: Values, own: Iterable[str] = ()) -> tuple[EditS
     `own`: the flags of the verb's other options, which decide those that an error message names.
     Raises UsageError for a value out of range, and an option that another strategy has.
     """
-    from gsedit.paper.presets import find_preset
+    from gsedit.paper.settings import find_preset
 
     shared = {path: value for path, value in values.items() if path[0] != "strategy"}
     chosen = {

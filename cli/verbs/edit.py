@@ -239,7 +239,7 @@ def asked_of_editor(asked: EditCommand, *, exact: bool) -> tuple[EditSettings, d
     settings, strategy = resolve(own.preset, values, own_flags(edit))
     if exact or not asked.drawn:
         return settings, {}
-    from gsedit.paper import strategy as traits
+    from gsedit.paper import request as traits
 
     traits.check_strategy(strategy)
     if idle := idle_options(values, settings, own_flags(edit)):

@@ -16,7 +16,7 @@ from ..options.common import Common, Force
 
 if TYPE_CHECKING:
     from gsedit.editors import Listing
-    from gsedit.paper.presets import Preset
+    from gsedit.paper.settings import Preset
 
     from ..options.settings import Setting
 
@@ -115,7 +115,7 @@ def list_masks(*, as_json: bool) -> None:
 
 def list_presets(*, as_json: bool) -> None:
     """Print the options that each preset of `gsedit edit` sets."""
-    from gsedit.paper.presets import PRESETS
+    from gsedit.paper.settings import PRESETS
 
     from .edit import all_settings
 

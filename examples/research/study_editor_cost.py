@@ -23,7 +23,7 @@ from gsedit.editor_protocol import Cost, EditBatch
 from gsedit.editors.sampling import DiffusionEditor
 from gsedit.models.runtimes import make_runtime
 from gsedit.models.stable_diffusion import Pix2Pix, TextEncoder
-from gsedit.paper.presets import find_preset
+from gsedit.paper.settings import find_preset
 from research.command import print_result, run
 
 SIZE = 256  # pixels

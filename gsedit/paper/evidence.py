@@ -9,7 +9,7 @@ from gsedit.datasets.dataset import View
 from gsedit.measures.evaluation_input import Evaluation
 from gsedit.paper.progress import Work
 from gsedit.paper.settings import EditSettings
-from gsedit.paper.skip.decision import Decision
+from gsedit.paper.skips import Decision
 from gsedit.paper.view_plan import ViewPlan
 from gsedit.runs.events import Event
 

@@ -20,7 +20,7 @@ from gsedit.editor_protocol import Cost
 from gsedit.editors import EditBatch
 from gsedit.editors.sampling import DiffusionEditor
 from gsedit.paper.estimate import Estimate, cheaper, duration
-from gsedit.paper.presets import find_preset
+from gsedit.paper.settings import find_preset
 
 pytestmark = pytest.mark.usefixtures("offline")
 SETTINGS = replace(

@@ -25,7 +25,7 @@ from gsedit.diffusion.sampler import levels_of
 from gsedit.editors import EditBatch
 from gsedit.editors.sampling import DiffusionEditor
 from gsedit.errors import InputError, UsageError
-from gsedit.paper.presets import PRESETS
+from gsedit.paper.settings import PRESETS
 
 CASE = Case("globe", "make it night", 32, 1, 32, 150, 9)
 SHORT = Arm("paper", "paper", options={"update_steps": 12}, settings={"batches": 1})

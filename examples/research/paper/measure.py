@@ -26,9 +26,8 @@ from gsedit.fitting.loss_terms import LossTerm
 from gsedit.fitting.settings import UpdateSettings
 from gsedit.measures.decibels import rmse_from_psnr
 from gsedit.paper.actions import Strategy
-from gsedit.paper.presets import find_preset
 from gsedit.paper.session import Session, render_edited
-from gsedit.paper.settings import EditSettings
+from gsedit.paper.settings import EditSettings, find_preset
 from gsedit.paper.strategies import find_strategy
 from research.paper.arms import PAPER, PAPER_T_END
 from research.paper.cases import load_case

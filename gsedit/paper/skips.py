@@ -1,4 +1,4 @@
-"""Decisions to skip a part of the work of an edit, as records and as text for a terminal."""
+"""Decisions to skip a part of the work of an edit, each with its bound; as text for a terminal."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-DecisionName = Literal["merging", "views", "crops", "gaussians"]
+DecisionName = Literal["merging", "views"]
 DECISIONS: tuple[str, ...] = get_args(DecisionName)
 """Names of the decisions, in the order in which they are listed."""
 
@@ -88,3 +88,50 @@ def one_line(decisions: Iterable[Decision]) -> str:
         if each.applies
     )
     return f"skipped: {', '.join(listed) or 'nothing'}"
+
+
+def decide_merging(gaussians: int, groups: int) -> Decision:
+    """Whether the Gaussians of a large scene are edited as so many `groups`."""
+    if groups == gaussians:
+        return Decision("merging", False, "Needed: a scene of so few Gaussians is edited as it is")
+    return Decision(
+        "merging",
+        True,
+        "Most are smaller than the pixels of the edit: neighbors are surveyed and fitted together "
+        "as one, and each takes its share of the change. The error was measured "
+        "(docs/measurements/scale.md), it has no proven bound",
+        Skipped(gaussians - groups, gaussians, "Gaussians"),
+        1 - groups / gaussians,
+        "the Gaussians of the survey and the update",
+    )
+
+
+def decide_views(
+    edited: int, budget: int, coverage: float, wanted: float, *, needs_all: bool
+) -> Decision:
+    """Whether views of the `budget` are not edited, since the `edited` ones cover enough.
+
+    `needs_all`: the strategy edits or renders all views.
+
+    A Gaussian that is not covered may keep any color. Together these carry 1 - coverage of all
+    blending weights of all views, and so of all pixels.
+    """
+    if needs_all:
+        return Decision("views", False, "Needed: the strategy edits or renders all of them")
+    if edited == budget:
+        reason = f"{edited} views cover {coverage:.0%}, {wanted:.0%} are wanted"
+        return Decision("views", False, f"Needed: {reason}")
+    return Decision(
+        "views",
+        True,
+        f"{edited} views show well {coverage:.1%} of what all show",
+        Skipped(budget - edited, budget, "views that may be edited"),
+        1 - edited / budget,
+        "the editing and the update",
+        Bound(1 - coverage, "of a pixel's color, mean over the pixels of all views"),
+    )
+
+
+def disabled(name: DecisionName) -> Decision:
+    """The decision of an edit whose settings disable this kind of skipping."""
+    return Decision(name, False, "Not decided: --disable names it")
