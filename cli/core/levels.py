@@ -9,16 +9,10 @@ from typing import TYPE_CHECKING, Any
 from .console import print_message
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from gsedit.formats.streams import SceneHeader
     from gsedit.scene.table import SplatTable
 
     from ..options.files import FileOptions
-
-
-STREAMED = "streamed"
-"""Word for streamed SOG, which is a folder and not a suffix."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +22,7 @@ class Levels:
     count: int
     share: float
     suffix: str
-    """Format of the files, without the point; or STREAMED."""
+    """Format of the files, without the point."""
     measure: bool
 
     def write(
@@ -43,54 +37,25 @@ class Levels:
         """Write the levels and lod.json, which lists them; return a record of each."""
         from gsedit.runs.json_lines import write_record
         from gsedit.toolkit.decimate import lod_tables
+        from gsedit.toolkit.picture_change import picture_change
 
-        if self.suffix == STREAMED:
-            return self.stream(header, table, folder, force)
         written = []
         for level, each in enumerate(lod_tables(table, self.count, self.share)):
             file = folder / f"{stem(scene)}_lod{level}.{self.suffix}"
-            record = write_level(file, header, each, files, force)
-            written.append(self.told(record, str(file), level, table, each))
+            written.append(write_level(file, header, each, files, force))
+            if self.measure and level:
+                written[-1]["psnr"] = round(picture_change(table, each), 2)
+            change = f", {written[-1]['psnr']} dB" if "psnr" in written[-1] else ""
+            print_message(f"{file}: {len(each):,} Gaussians{change}")
         write_record({"levels": written}, folder / "lod.json", overwrite=force)
         return written
-
-    def stream(
-        self, header: SceneHeader, table: SplatTable, folder: Path, force: bool
-    ) -> list[dict[str, Any]]:
-        """Write the levels as one streamed SOG; return a record of each."""
-        from gsedit.toolkit.decimate import lod_tables
-        from gsedit.toolkit.reduce_sh import ReduceSH
-        from gsedit.toolkit.streamed import write_streamed
-
-        written = []
-
-        def levels() -> Iterator[SplatTable]:
-            for level, each in enumerate(lod_tables(table, self.count, self.share)):
-                yield ReduceSH(3).apply(each)
-                record = {"level": level, "gaussians": len(each)}
-                written.append(self.told(record, f"{folder}: level {level}", level, table, each))
-
-        write_streamed(folder, levels(), antialiased=header.antialiased, overwrite=force)
-        return written
-
-    def told(
-        self, record: dict[str, Any], name: str, level: int, table: SplatTable, each: SplatTable
-    ) -> dict[str, Any]:
-        """Return the record with how much pictures change, and print it."""
-        if self.measure and level > 0:
-            from gsedit.toolkit.picture_change import picture_change
-
-            record["psnr"] = round(picture_change(table, each), 2)
-        change = f", {record['psnr']} dB" if "psnr" in record else ""
-        print_message(f"{name}: {len(each):,} Gaussians{change}")
-        return record
 
 
 def stem(scene: Path) -> str:
     """Return the name of a scene without its suffix."""
-    from gsedit.formats.table import INDICES, READABLE
+    from gsedit.formats.table import INDEX, READABLE
 
-    if scene.name in INDICES:
+    if scene.name == INDEX:
         return scene.absolute().parent.name
     fitting = [suffix for suffix in READABLE if scene.name.lower().endswith(suffix)]
     return scene.name[: -len(max(fitting, key=len, default="")) or None] or "scene"

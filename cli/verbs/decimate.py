@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from gsedit.errors import UsageError
 
 from ..core.command import argument, flag, option
-from ..core.levels import STREAMED, Levels
+from ..core.levels import Levels
 
 if TYPE_CHECKING:
     from gsedit.toolkit.decimate import Decimate
@@ -17,11 +17,7 @@ if TYPE_CHECKING:
 Amount = Annotated[str, argument("AMOUNT", "Share to keep, as 50%, or number, as 200000.")]
 Format = Annotated[
     str,
-    flag(
-        "--format",
-        "Format of the levels, as ply or spz. streamed: all in one streamed SOG (lod-meta.json).",
-        "SUFFIX",
-    ),
+    flag("--format", "Format of the levels, as ply or spz.", "SUFFIX"),
 ]
 Measure = Annotated[
     bool, flag("--measure/--no-measure", "Measure how much pictures change, in dB.")
@@ -64,8 +60,6 @@ def decimate(
     gsedit decimate scene.ply 50% -o half.ply
 
     gsedit decimate scene.ply 50% --levels 4 -o folder
-
-    gsedit decimate scene.ply 50% --levels 4 --format streamed -o folder
     """
     kept = amount_of(amount)
     if own.levels is not None:
@@ -92,8 +86,7 @@ def levels_of(
     if "share" not in kept:
         raise UsageError("--levels needs a share as AMOUNT, as in gsedit decimate SCENE 50%")
     suffix = format.lstrip(".")
-    if suffix != STREAMED:
-        writable_format(Path(f"level.{suffix}"))
+    writable_format(Path(f"level.{suffix}"))
     return Levels(count, kept["share"], suffix, measure)
 
 

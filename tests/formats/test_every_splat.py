@@ -88,7 +88,6 @@ FOREIGN = {
     "tiny-gsply.spz": STEPS[".spz"],
     # it cuts opacities off at a step of 1 / 255, where gsedit rounds to the nearest
     "tiny.sog": STEPS[".sog"]._replace(opacities=1 / 255),
-    "tiny-streamed": STEPS[".sog"]._replace(opacities=1 / 255),
     "tiny.glb": STEPS[".glb"],
     "tiny.splat": STEPS[".splat"],
     "tiny.ksplat": KSPLAT,

@@ -16,8 +16,8 @@ from splat_tables import assert_near, random_table
 
 from gsedit.errors import InputError
 from gsedit.formats.registry import open_scene, write_scene
-from gsedit.formats.sog.encode import codebook, nearest_codes, palette
-from gsedit.formats.sog.pictures import lossless_webp, picture_size
+from gsedit.formats.sog.encode import codebook, lossless_webp, nearest_codes, palette
+from gsedit.formats.sog.file import picture_size
 from gsedit.formats.streams import SceneHeader, in_blocks
 from gsedit.scene.morton import morton_order
 from gsedit.scene.table import SplatTable
@@ -178,7 +178,7 @@ LIES = {
     "zip_bomb": (_bomb, "larger than its scene explains"),
     "absurd_count": (_many, "announces"),
     "larger_count": (lambda meta, files: meta.update(count=70), "pixels, the scene needs 70"),
-    "not_a_count": (lambda meta, files: meta.update(count="50"), "no count"),
+    "not_a_count": (lambda meta, files: meta.update(count="50"), "count is '50'"),
     "no_picture": (lambda meta, files: files.update({"quats.webp": b"x" * 99}), "pixels"),
     "cut_picture": (
         lambda meta, files: files.update({"quats.webp": files["quats.webp"][:-30]}),
@@ -187,10 +187,10 @@ LIES = {
     "infinite": (lambda meta, files: meta["means"].update(mins=[0, 1e999, 0]), "finite"),
     "codes": (lambda meta, files: meta["sh0"].update(codebook=[0.0] * 20), "beyond the end"),
     "version": (lambda meta, files: meta.update(version=3), "version 3"),
-    "bands": (lambda meta, files: meta["shN"].update(bands=9), "9 bands"),
+    "bands": (lambda meta, files: meta["shN"].update(bands=9), "bands is 9"),
     "labels": (lambda meta, files: meta["shN"].update(count=3), "SH entry"),
     "wide": (lambda meta, files: meta["shN"].update(bands=2), "pixels"),
-    "list": (lambda meta, files: meta.update(means=[]), "no means"),
+    "list": (lambda meta, files: meta.update(means=[]), "means is no object"),
 }  # fmt: skip
 
 

@@ -130,7 +130,7 @@ def test_a_binary_file_of_nvidia_is_read():
 
 
 def test_without_the_library_the_extra_is_named(tmp_path, monkeypatch):
-    monkeypatch.setattr("gsedit.formats.usd.library.find_spec", lambda name: None)
+    monkeypatch.setattr("gsedit.formats.usd.file.find_spec", lambda name: None)
     for act in (
         lambda: open_scene(TINY / "tiny.usdc"),
         lambda: open_scene(TINY / "tiny-nvidia.usda"),
