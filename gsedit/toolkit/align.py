@@ -18,7 +18,7 @@ from gsedit.scene.similarity import Similarity
 from gsedit.scene.table import SplatTable, gaussians_of
 from gsedit.toolkit.operation import Say
 from gsedit.toolkit.order import importance
-from gsedit.toolkit.registration import has_descriptors, register
+from gsedit.toolkit.registration import register
 from gsedit.toolkit.steps import scale
 from gsedit.toolkit.transform import Placing
 
@@ -172,8 +172,6 @@ class AlignTo(Align):
         return rescaled(header, None)
 
     def find(self, table: SplatTable, say: Say) -> Similarity:
-        if not has_descriptors():
-            say("Open3D is not there, so there are fewer first guesses: pip install 'gsedit[mesh]'")
         match = register(table, self.other)
         say(
             f"{100 * match.overlap:.0f} % of its splats lie on the other scene, "
