@@ -36,8 +36,7 @@ class Levels:
     ) -> list[dict[str, Any]]:
         """Write the levels and lod.json, which lists them; return a record of each."""
         from gsedit.runs.json_lines import write_record
-        from gsedit.toolkit.decimate import lod_tables
-        from gsedit.toolkit.picture_change import picture_change
+        from gsedit.toolkit.decimate import lod_tables, picture_change
 
         written = []
         for level, each in enumerate(lod_tables(table, self.count, self.share)):

@@ -18,13 +18,16 @@ from gsedit.toolkit.defects import (
     DUPLICATE,
     INVALID,
     INVISIBLE,
+    REASONS,
+    USUAL,
     Defect,
+    Limits,
+    find_defects,
     fingerprints,
     invalid,
     invisible,
     repeated,
 )
-from gsedit.toolkit.find_defects import REASONS, USUAL, Limits, find_defects
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,8 +16,7 @@ from gsedit.scene.similarity import IDENTITY, Similarity
 from gsedit.scene.table import SPLAT_FIELDS, SplatTable, concatenate_tables
 from gsedit.select.rules import EVERYTHING, Selection
 from gsedit.toolkit.filter import as_selection
-from gsedit.toolkit.on_selection import OnSelection
-from gsedit.toolkit.operation import Say, Scene, Whole, apply
+from gsedit.toolkit.operation import OnSelection, Say, Scene, Whole, apply
 from gsedit.toolkit.steps import compose, translate
 
 
