@@ -54,19 +54,18 @@ def process(
     write_companions = companions(path, output, [each for _, each in steps])
     for note in source.notes:
         print_message(f"{path}: {note}")
-    dropped = Guard(drop=True) if output.drop_invalid else None
-    last, total = Guard(drop=False, of="the result"), RowCounts(before=source.count)
-    blocks = dropped(source.blocks()) if dropped else source.blocks()
+    first, last = Guard(drop=output.drop_invalid), Guard(drop=False, of="the result")
+    total, operations = RowCounts(before=source.count), [each for _, each in steps]
     header, blocks, counts = run(
-        source.header, blocks, [each for _, each in steps], partial(_say, path)
+        source.header, first(source.blocks()), operations, partial(_say, path)
     )
     if levels is None:
         header, blocks = fitted(header, blocks, output.out)
-    blocks = _checked(last(blocks), dropped, last, source, total)
+    blocks = _checked(last(blocks), first, last, source.path, total)
     write(path, header, blocks, output, files, levels)
     write_companions()
-    if dropped and dropped.invalid:
-        print_message(f"{path}: rows left out by --drop-invalid: {dropped.invalid:,}")
+    if output.drop_invalid and first.invalid:
+        print_message(f"{path}: rows left out by --drop-invalid: {first.invalid:,}")
     named = [(verb, kept) for (verb, _), (_, kept) in zip(steps, counts)]
     for verb, kept in ((v, k) for (v, o), (_, k) in zip(steps, counts) if o.removes):
         print_message(f"{verb}: {kept}")
@@ -164,32 +163,21 @@ def fitted(header: SceneHeader, blocks: Blocks, out: Path | None) -> tuple[Scene
     return run(header, blocks, [ReduceSH(format.max_degree)], partial(_say, out))[:2]
 
 
-def _checked(
-    blocks: Any, dropped: Guard | None, last: Guard, source: SceneSource, total: RowCounts
-) -> Any:
+def _checked(blocks: Any, first: Guard, last: Guard, path: Path, total: RowCounts) -> Any:
     """Yield the blocks and count them; raise for invalid rows before the file gets its name.
 
-    `dropped` has removed the invalid rows of the file; `last` has seen the result.
+    `first` has seen the file and `last` the result: rows may have become invalid on the way.
     """
-    from gsedit.formats.validity import Guard
-
     for block in blocks:
         total.after += len(block)
         yield block
-    if dropped is not None:
-        dropped.check(source.path)
-    if not last.invalid:
-        return
-    if dropped is None:
-        # a row of the file is named by its place there, which operations may have changed
-        file = Guard(drop=False)
-        for _ in file(source.blocks()):
-            pass
-        file.check(source.path)
-    raise UsageError(
-        f"{source.path}: {last.invalid:,} of {last.rows:,} rows became invalid on the way, "
-        f"the first is {last.first}: give the operations smaller numbers"
-    )
+    if first.drop or last.invalid:  # a row of the file is named by its place there
+        first.check(path)
+    if last.invalid:
+        raise UsageError(
+            f"{path}: {last.invalid:,} of {last.rows:,} rows became invalid on the way, "
+            f"the first is {last.first}: give the operations smaller numbers"
+        )
 
 
 def _say(path: Path, text: str) -> None:

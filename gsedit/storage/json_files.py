@@ -123,7 +123,7 @@ def text(longest: int = MAX_TEXT, *, empty: bool = False) -> Check:
     return check
 
 
-def list_of(each: Check, least: int = 0, most: float = inf) -> Check:
+def list_of(each: Check, least: int = 0, most: float | int = inf) -> Check:
     """A check for a list of `least` to `most` values; returns what `each` returns, as a list."""
 
     def check(value: Any, place: str) -> list[Any]:

@@ -15,7 +15,7 @@ from PIL import Image
 from splat_tables import random_table
 
 from gsedit import load_dataset
-from gsedit.datasets.photo_pixels import LARGE_PIXELS
+from gsedit.datasets.load import LARGE_PIXELS
 from gsedit.errors import InputError
 from gsedit.formats.flags import read_flags
 from gsedit.formats.mesh import _texels
