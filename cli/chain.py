@@ -21,8 +21,7 @@ from .core.checkpoints import NAME
 from .core.command import LazyCommand, argument, paragraphs, verb_command, verb_name
 from .core.console import print_result
 from .core.current import current_scene
-from .core.levels import Levels
-from .core.process import Output, process
+from .core.process import Levels, Output, process
 from .options.common import Common, first_scene
 from .options.files import FileOptions
 

@@ -14,12 +14,12 @@ from ..options.common import DropInvalid, Force
 from .checkpoints import open_checkpoint
 from .command import option, output
 from .console import print_message
-from .levels import Levels
 from .outputs import check_file, check_folder
 
 if TYPE_CHECKING:
     from gsedit.formats.streams import Blocks, SceneHeader, SceneSource
     from gsedit.formats.validity import Guard
+    from gsedit.scene.table import SplatTable
     from gsedit.toolkit.operation import Operation, RowCounts
 
     from ..options.files import FileOptions
@@ -36,6 +36,65 @@ class Output:
     force: Force = False
     dry_run: bool = option(False, "Only count what would be kept; write nothing.")
     drop_invalid: DropInvalid = False
+
+
+@dataclass(frozen=True)
+class Levels:
+    """Levels of detail that a command writes into a folder instead of one scene."""
+
+    count: int
+    share: float
+    suffix: str
+    """Format of the files, without the point."""
+    measure: bool
+
+    def write(
+        self,
+        scene: Path,
+        header: SceneHeader,
+        table: SplatTable,
+        folder: Path,
+        files: FileOptions,
+        force: bool,
+    ) -> list[dict[str, Any]]:
+        """Write the levels and lod.json, which lists them; return a record of each."""
+        from gsedit.runs.json_lines import write_record
+        from gsedit.toolkit.decimate import lod_tables, picture_change
+
+        written = []
+        for level, each in enumerate(lod_tables(table, self.count, self.share)):
+            file = folder / f"{stem(scene)}_lod{level}.{self.suffix}"
+            written.append(write_level(file, header, each, files, force))
+            if self.measure and level:
+                written[-1]["psnr"] = round(picture_change(table, each), 2)
+            change = f", {written[-1]['psnr']} dB" if "psnr" in written[-1] else ""
+            print_message(f"{file}: {len(each):,} Gaussians{change}")
+        write_record({"levels": written}, folder / "lod.json", overwrite=force)
+        return written
+
+
+def stem(scene: Path) -> str:
+    """Return the name of a scene without its suffix."""
+    from gsedit.formats.table import INDEX, READABLE
+
+    if scene.name == INDEX:
+        return scene.absolute().parent.name
+    fitting = [suffix for suffix in READABLE if scene.name.lower().endswith(suffix)]
+    return scene.name[: -len(max(fitting, key=len, default="")) or None] or "scene"
+
+
+def write_level(
+    file: Path, header: SceneHeader, table: SplatTable, files: FileOptions, force: bool
+) -> dict[str, Any]:
+    """Write a level as its format can hold it; return its record."""
+    from gsedit.formats.registry import writable_format, write_scene
+    from gsedit.formats.streams import in_blocks
+    from gsedit.toolkit.reduce_sh import ReduceSH
+
+    reduce = ReduceSH(writable_format(file).max_degree)
+    rows = in_blocks(reduce.apply(table))
+    write_scene(file, reduce.header(header), rows, options=files.write(file), overwrite=force)
+    return {"file": file.name, "gaussians": len(table)}
 
 
 def process(

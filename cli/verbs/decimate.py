@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from gsedit.errors import UsageError
 
 from ..core.command import argument, flag, option
-from ..core.levels import Levels
+from ..core.process import Levels
 
 if TYPE_CHECKING:
     from gsedit.toolkit.decimate import Decimate
