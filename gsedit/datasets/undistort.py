@@ -41,10 +41,7 @@ class ColmapLens(NamedTuple):
 
 @dataclass(frozen=True)
 class Lens:
-    """Intrinsics of a photo: pixels, the corner of the first one at (0, 0).
-
-    Its distortion is k1 to p2 (Brown-Conrady), or that of `other`.
-    """
+    """Intrinsics of a photo: pixels, the corner of the first one at (0, 0)."""
 
     fx: float
     fy: float
@@ -52,23 +49,17 @@ class Lens:
     cy: float
     width: int
     height: int
-    k1: float = 0.0
-    k2: float = 0.0
-    k3: float = 0.0
-    p1: float = 0.0
-    p2: float = 0.0
-    other: ColmapLens | None = None
+    distorted: ColmapLens | None = None
+    """How it bends rays; None: not at all."""
 
-    @property
-    def is_pinhole(self) -> bool:
-        return self.other is None and not any((self.k1, self.k2, self.k3, self.p1, self.p2))
-
-    @property
-    def brown_conrady(self) -> ColmapLens:
-        """k1 to p2 as a model of COLMAP."""
-        more = (self.k1, self.k2, self.p1, self.p2, self.k3, 0.0, 0.0, 0.0)
-        params = (self.fx, self.fy, self.cx, self.cy, *more)
-        return ColmapLens("FULL_OPENCV", params, self.width, self.height)
+    def bent(
+        self, k1: float = 0.0, k2: float = 0.0, p1: float = 0.0, p2: float = 0.0, k3: float = 0.0
+    ) -> Lens:
+        """The lens with these coefficients of Brown and Conrady; itself where all are 0."""
+        if not any((k1, k2, p1, p2, k3)):
+            return self
+        params = (self.fx, self.fy, self.cx, self.cy, k1, k2, p1, p2, k3, 0.0, 0.0, 0.0)
+        return replace(self, distorted=ColmapLens("FULL_OPENCV", params, self.width, self.height))
 
     def scaled(self, width: int, height: int) -> Lens:
         """The lens of the same photo on another number of pixels."""
@@ -111,7 +102,7 @@ def undistortion(lens: Lens) -> Undistortion:
 
 def ideal_lens(lens: Lens) -> Lens:
     """The lens of the undistorted pictures, see `undistortion`; `lens` itself if a pinhole."""
-    return lens if lens.is_pinhole else lens.zoomed(_smallest_zoom(lens))
+    return lens if lens.distorted is None else lens.zoomed(_smallest_zoom(lens.distorted, lens))
 
 
 def undistort(photo: Float[Tensor, "h w c"], undo: Undistortion) -> Float[Tensor, "h w c"]:
@@ -132,7 +123,9 @@ def distort(xy: Float[Tensor, "*b 2"], ideal: Lens, lens: Lens) -> Float[Tensor,
 
     pycolmap's pixels begin at the corner as ours do. NaN where the lens shows no such direction.
     """
-    model = lens.other or lens.brown_conrady
+    model = lens.distorted
+    if model is None:
+        return xy
     camera = import_pycolmap().Camera(
         model=model.model, width=model.width, height=model.height, params=list(model.params)
     )
@@ -145,15 +138,16 @@ def distort(xy: Float[Tensor, "*b 2"], ideal: Lens, lens: Lens) -> Float[Tensor,
     return (found * size).reshape(xy.shape).to(xy.dtype)
 
 
-def _smallest_zoom(lens: Lens) -> float:
+def _smallest_zoom(model: ColmapLens, lens: Lens) -> float:
     """By bisection, in [1, 8]. Raises InputError where 8 is not enough."""
     low, high = 1.0, _ZOOM_MAX
     if _stays_inside(lens, low):
         return low
     if not _stays_inside(lens, high):
+        params = ", ".join(f"{value:g}" for value in model.params)
         raise InputError(
-            f"lens distortion {_described(lens)} leaves no picture: calibrate again, or undistort "
-            "with COLMAP"
+            f"lens distortion {model.model} {params} leaves no picture: calibrate again, or "
+            "undistort with COLMAP"
         )
     for _ in range(_BISECTIONS):
         middle = (low + high) / 2
@@ -183,13 +177,6 @@ def _grows(lens: Lens, ideal: Lens, border: Float[Tensor, "n 2"]) -> bool:
     found = distort(center + steps * (border[::_EVERY] - center), ideal, lens)
     radius = (found - found[0]).norm(dim=-1)
     return bool((radius.diff(dim=0) > 0).all())
-
-
-def _described(lens: Lens) -> str:
-    if lens.other is not None:
-        return f"{lens.other.model} {', '.join(f'{value:g}' for value in lens.other.params)}"
-    names = ("k1", "k2", "k3", "p1", "p2")
-    return ", ".join(f"{name} {getattr(lens, name):g}" for name in names)
 
 
 def _border_centers(width: int, height: int) -> Float[Tensor, "n 2"]:

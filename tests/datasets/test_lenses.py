@@ -28,7 +28,7 @@ def lens_of(model: str) -> Lens:
     params = MODELS[model]
     one_focal = model == "RADIAL_FISHEYE"
     fx, fy, cx, cy = (params[0], *params[:3]) if one_focal else params[:4]
-    return Lens(fx, fy, cx, cy, *SIZE, other=ColmapLens(model, params, *SIZE))
+    return Lens(fx, fy, cx, cy, *SIZE, distorted=ColmapLens(model, params, *SIZE))
 
 
 def camera_of(model: str):
@@ -51,7 +51,7 @@ def test_undistorted_photo_is_the_pinhole_picture(model):
     error = undistort(photo_of(model), undo) - color(rays_of(undo.lens))
     # as in test_datasets: bilinear, curvature of the waves below 20, pixels of 1 / focal
     assert error.abs().max() < 2 * 20 / 8 / lens.fx**2
-    assert undo.lens.is_pinhole
+    assert undo.lens.distorted is None
     assert undo.lookup is not None
     assert undo.lookup.isfinite().all()
 
@@ -92,7 +92,7 @@ def test_a_photo_of_another_size_has_the_lens_scaled(model):
 def test_a_lens_without_a_picture_is_refused():
     wrong = ColmapLens("OPENCV_FISHEYE", (45.0, 45.0, 40.0, 30.0, -50.0, 0.0, 0.0, 0.0), *SIZE)
     with pytest.raises(InputError, match=r"OPENCV_FISHEYE 45.*leaves no picture: calibrate"):
-        ideal_lens(Lens(45.0, 45.0, 40.0, 30.0, *SIZE, other=wrong))
+        ideal_lens(Lens(45.0, 45.0, 40.0, 30.0, *SIZE, distorted=wrong))
 
 
 def nerfstudio_record(model: str, folder) -> dict:
