@@ -27,6 +27,6 @@ if TYPE_CHECKING:
     from gsedit.toolkit.recolor import Opacity, Recolor, recolor
     from gsedit.toolkit.reduce_sh import ReduceSH
     from gsedit.toolkit.repair import Repair, repair
-    from gsedit.toolkit.transform import Transform, TransformAboutCenter, transform
+    from gsedit.toolkit.transform import Transform, transform
 
 make_lazy(__name__)

@@ -18,7 +18,7 @@ from gsedit.capture import child
 from gsedit.capture.child import Step
 from gsedit.capture.folder import find_photos
 from gsedit.capture.photos import Prepared, _name, prepare
-from gsedit.capture.settings import CaptureSettings, exhaustive, ladder, sequential
+from gsedit.capture.settings import exhaustive, sequential
 from gsedit.capture.stages import Stages
 
 
@@ -31,17 +31,6 @@ def test_pairs(count):
     assert {(i, (i + 1)) for i in range(count - 1)} | {(0, count - 1)} <= set(near)  # closed
     assert min(Counter(i for pair in near for i in pair).values()) >= min(count - 1, 6)
     assert max((j - i for i, j in near), default=0) >= count // 4  # and reaches across
-
-
-def test_the_ladder_grows_step_by_step():
-    few = [attempt for _, attempt in ladder(CaptureSettings(), 20)]
-    assert few[0].exhaustive
-    assert [a.min_angle for a in few] == [16, 4, 4, 4]
-    assert [a.features for a in few] == [2048, 2048, 4096, 4096]
-    assert [a.affine for a in few] == [False, False, False, True]
-    many = [attempt.exhaustive for _, attempt in ladder(CaptureSettings(), 100)]
-    assert many == [False, False, True, True, True]
-    assert len(ladder(CaptureSettings(retries=False), 20)) == 1
 
 
 def prepared(folder, place, size=1600) -> Prepared:

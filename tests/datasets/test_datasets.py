@@ -223,21 +223,6 @@ def test_colmap(model, text, tmp_path):
     torch.testing.assert_close(data.point_colors, torch.tensor([[1, 0, 0.2]]))
 
 
-@pytest.mark.parametrize("model", COLMAP_LENSES)
-def test_our_lens_is_colmaps(model):
-    """pycolmap projects with its own code: an independent check of names and order."""
-    import pycolmap
-
-    params, lens = COLMAP_LENSES[model]
-    camera = pycolmap.Camera(model=model, width=8, height=6, params=params, camera_id=1)
-    rays = torch.rand(50, 2, generator=torch.Generator().manual_seed(0), dtype=torch.float64) - 0.5
-    theirs = torch.from_numpy(camera.img_from_cam(torch.cat((rays, torch.ones(50, 1)), 1).numpy()))
-    ideal = lens.zoomed(1.0)
-    offset = torch.tensor([lens.cx, lens.cy], dtype=torch.float64)
-    xy = rays * torch.tensor([lens.fx, lens.fy], dtype=torch.float64) + offset
-    torch.testing.assert_close(distort(xy, ideal, lens), theirs, atol=1e-12, rtol=0)
-
-
 def test_colmap_folder_itself(tmp_path):
     folder = colmap_dataset(tmp_path)
     assert len(load_dataset(folder / "sparse" / "0")) == 3

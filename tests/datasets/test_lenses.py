@@ -56,30 +56,6 @@ def test_undistorted_photo_is_the_pinhole_picture(model):
     assert undo.lookup.isfinite().all()
 
 
-def test_formulas_are_opencvs():
-    """Written out: the order of the parameters is the usual one."""
-    x, y = torch.tensor([[0.3, -0.2], [-0.4, 0.35], [0.0, 0.1]], dtype=torch.float64).unbind(-1)
-    r = (x * x + y * y).sqrt()
-    theta = r.atan()
-    k = (1.0, *K)
-    bent = sum(c * theta ** (2 * i + 1) for i, c in enumerate(k)) / r
-    check("OPENCV_FISHEYE", x, y, bent * x, bent * y)
-    _, _, _, _, k1, k2, p1, p2, k3, k4, k5, k6 = MODELS["FULL_OPENCV"]
-    radial = 1 + k1 * r**2 + k2 * r**4 + k3 * r**6
-    radial = radial / (1 + k4 * r**2 + k5 * r**4 + k6 * r**6)
-    x_d = radial * x + 2 * p1 * x * y + p2 * (r**2 + 2 * x * x)
-    y_d = radial * y + p1 * (r**2 + 2 * y * y) + 2 * p2 * x * y
-    check("FULL_OPENCV", x, y, x_d, y_d)
-
-
-def check(model: str, x, y, x_d, y_d) -> None:
-    lens = lens_of(model)
-    ideal = lens.zoomed(1.0)
-    xy = torch.stack((x * lens.fx + lens.cx, y * lens.fy + lens.cy), -1)
-    expected = torch.stack((x_d * lens.fx + lens.cx, y_d * lens.fy + lens.cy), -1)
-    torch.testing.assert_close(distort(xy, ideal, lens), expected, atol=1e-10, rtol=0)
-
-
 @pytest.mark.parametrize("model", MODELS)
 def test_a_photo_of_another_size_has_the_lens_scaled(model):
     lens = lens_of(model)

@@ -80,18 +80,6 @@ def test_a_set_of_colors_is_at_distance_0_of_itself_and_stays():
     np.testing.assert_allclose(moved, colors, atol=1e-6)
 
 
-def test_weight_counts():
-    """A color of no weight does not move the others' quantiles."""
-    draw = np.random.default_rng(5)
-    seen, unseen = draw.uniform(0.4, 0.6, (300, 3)), np.zeros((300, 3))
-    goal = draw.uniform(0.1, 0.3, (300, 3))
-    weights = np.repeat([1.0, 0.0], 300)
-    with_unseen = color_transport(np.concatenate((seen, unseen)), weights, goal)(seen)
-    np.testing.assert_allclose(
-        with_unseen, color_transport(seen, weights[:300], goal)(seen), atol=1e-6
-    )
-
-
 def test_what_cannot_be_a_palette_is_named(tmp_path):
     broken = tmp_path / "broken.png"
     broken.write_bytes(b"\x89PNG\r\n\x1a\nnothing")
