@@ -12,13 +12,22 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from gsedit.capture.causes import Evidence, before_features, cause, hopeless, listed
-from gsedit.capture.child import Step, copy_database, rows
 from gsedit.capture.exif import FULL_FRAME_DIAGONAL, groups_of
 from gsedit.capture.folder import Found, find_photos
 from gsedit.capture.frames import Extraction, extract_steps, is_video
 from gsedit.capture.photos import HEIC, Prepared, prepare, state_of
 from gsedit.capture.settings import FEWEST, Attempt, CaptureSettings, exhaustive, ladder, sequential
-from gsedit.capture.stages import LOG, Line, Stages, Working, fingerprint, remove
+from gsedit.capture.stages import (
+    LOG,
+    Line,
+    Stages,
+    Step,
+    Working,
+    copy_database,
+    fingerprint,
+    remove,
+    rows,
+)
 from gsedit.capture.upright import find_upright
 from gsedit.errors import GseditError, InputError, UsageError
 from gsedit.runs.events import Event

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageOps
 
-from gsedit.capture.child import Step
+from gsedit.capture.stages import Step
 from gsedit.errors import InputError
 from gsedit.formats.pictures import decoded
 from gsedit.storage.json_files import read_json

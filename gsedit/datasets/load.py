@@ -22,10 +22,10 @@ from gsedit.datasets.colmap import model_folder, read_colmap
 from gsedit.datasets.dataset import LEAST_SHARE, Dataset, View, evenly_spaced
 from gsedit.datasets.image_ops import downscale
 from gsedit.datasets.lazy_views import PixelCache, Pixels
-from gsedit.datasets.near import dataset_near
 from gsedit.datasets.nerfstudio import read_nerfstudio
 from gsedit.datasets.photos import Capture, PosedPhoto, reduced_copy
 from gsedit.datasets.undistort import Lens, Undistortion, ideal_lens, undistort, undistortion
+from gsedit.datasets.viewpoints import dataset_near
 from gsedit.errors import InputError, UsageError
 from gsedit.formats.pictures import fitted_size, picture_size, read_mask, read_photo, turned_size
 

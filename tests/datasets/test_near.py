@@ -12,8 +12,7 @@ from point_clouds import ball
 from gsedit import Dataset, View, orbit
 from gsedit.cameras.choose import find_views
 from gsedit.cameras.search import SearchEffort
-from gsedit.datasets.near import dataset_near, viewpoints_near
-from gsedit.datasets.viewpoints import Viewpoint
+from gsedit.datasets.viewpoints import Viewpoint, dataset_near, viewpoints_near
 from gsedit.scene.framing import framing_camera
 from rasterizer import Execution, look_at, render
 

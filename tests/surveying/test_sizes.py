@@ -107,7 +107,7 @@ def test_a_volume_is_that_of_the_closed_mesh_of_what_is_selected(room, monkeypat
 
     def mesh(scene, cameras, *, inside, watertight):
         asked.append((inside, watertight))
-        return Mesh(corners.numpy(), outward(sides))
+        return Mesh(corners.numpy(), outward(sides).astype(np.int64))
 
     monkeypatch.setattr("gsedit.meshing.build.mesh", mesh)
     flags = torch.ones(len(gaussians), dtype=torch.bool)
