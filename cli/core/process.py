@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,12 +14,11 @@ from ..options.common import DropInvalid, Force
 from .checkpoints import open_checkpoint
 from .command import option, output
 from .console import print_message
-from .outputs import check_file, check_folder
+from .outputs import check_file
 
 if TYPE_CHECKING:
     from gsedit.formats.streams import Blocks, SceneHeader, SceneSource
     from gsedit.formats.validity import Guard
-    from gsedit.scene.table import SplatTable
     from gsedit.toolkit.operation import Operation, RowCounts
 
     from ..options.files import FileOptions
@@ -38,77 +37,18 @@ class Output:
     drop_invalid: DropInvalid = False
 
 
-@dataclass(frozen=True)
-class Levels:
-    """Levels of detail that a command writes into a folder instead of one scene."""
-
-    count: int
-    share: float
-    suffix: str
-    """Format of the files, without the point."""
-    measure: bool
-
-    def write(
-        self,
-        scene: Path,
-        header: SceneHeader,
-        table: SplatTable,
-        folder: Path,
-        files: FileOptions,
-        force: bool,
-    ) -> list[dict[str, Any]]:
-        """Write the levels and lod.json, which lists them; return a record of each."""
-        from gsedit.runs.json_lines import write_record
-        from gsedit.toolkit.decimate import lod_tables, picture_change
-
-        written = []
-        for level, each in enumerate(lod_tables(table, self.count, self.share)):
-            file = folder / f"{stem(scene)}_lod{level}.{self.suffix}"
-            written.append(write_level(file, header, each, files, force))
-            if self.measure and level:
-                written[-1]["psnr"] = round(picture_change(table, each), 2)
-            change = f", {written[-1]['psnr']} dB" if "psnr" in written[-1] else ""
-            print_message(f"{file}: {len(each):,} Gaussians{change}")
-        write_record({"levels": written}, folder / "lod.json", overwrite=force)
-        return written
-
-
-def stem(scene: Path) -> str:
-    """Return the name of a scene without its suffix."""
-    from gsedit.formats.table import INDEX, READABLE
-
-    if scene.name == INDEX:
-        return scene.absolute().parent.name
-    fitting = [suffix for suffix in READABLE if scene.name.lower().endswith(suffix)]
-    return scene.name[: -len(max(fitting, key=len, default="")) or None] or "scene"
-
-
-def write_level(
-    file: Path, header: SceneHeader, table: SplatTable, files: FileOptions, force: bool
-) -> dict[str, Any]:
-    """Write a level as its format can hold it; return its record."""
-    from gsedit.formats.registry import writable_format, write_scene
-    from gsedit.formats.streams import in_blocks
-    from gsedit.toolkit.reduce_sh import ReduceSH
-
-    reduce = ReduceSH(writable_format(file).max_degree)
-    rows = in_blocks(reduce.apply(table))
-    write_scene(file, reduce.header(header), rows, options=files.write(file), overwrite=force)
-    return {"file": file.name, "gaussians": len(table)}
-
-
 def process(
     path: Path,
     steps: list[tuple[str, Operation]],
     output: Output,
     files: FileOptions,
-    levels: Levels | None,
 ) -> tuple[list[tuple[str, RowCounts]], Path | None]:
     """Read, change and write a scene in blocks; return the counts of each step, then the total."""
+    from gsedit.formats.registry import write_scene
     from gsedit.formats.validity import Guard
     from gsedit.toolkit.operation import RowCounts, run
 
-    check_output(output, levels)
+    check_output(output)
     source = open_source(path, files)
     write_companions = companions(path, output, [each for _, each in steps])
     for note in source.notes:
@@ -118,10 +58,14 @@ def process(
     header, blocks, counts = run(
         source.header, first(source.blocks()), operations, partial(_say, path)
     )
-    if levels is None:
-        header, blocks = fitted(header, blocks, output.out)
+    header, blocks = fitted(header, blocks, output.out)
     blocks = _checked(last(blocks), first, last, source.path, total)
-    write(path, header, blocks, output, files, levels)
+    if output.dry_run or output.out is None:
+        for _ in blocks:
+            pass
+    else:
+        options = files.write(output.out)
+        write_scene(output.out, header, blocks, options=options, overwrite=output.force)
     write_companions()
     if output.drop_invalid and first.invalid:
         print_message(f"{path}: rows left out by --drop-invalid: {first.invalid:,}")
@@ -131,19 +75,15 @@ def process(
     return [*named, ("all", total)], None if output.dry_run else output.out
 
 
-def check_output(output: Output, levels: Levels | None) -> None:
-    """Raise UsageError unless the scene, or the folder of its levels, can be written."""
+def check_output(output: Output) -> None:
+    """Raise UsageError unless the scene can be written."""
     from gsedit.formats.registry import writable_format
 
-    if output.out is None:
-        if not output.dry_run:
-            what = "scene" if levels is None else "folder"
-            raise UsageError(f"name the {what} to write with -o, or add --dry-run")
-    elif levels is not None:
-        check_folder(output.out, output.force or output.dry_run)
-    else:
+    if output.out is not None:
         writable_format(output.out)
         check_file(output.out, output.force or output.dry_run)
+    elif not output.dry_run:
+        raise UsageError("name the scene to write with -o, or add --dry-run")
 
 
 def open_source(path: Path, files: FileOptions) -> SceneSource:
@@ -155,55 +95,43 @@ def open_source(path: Path, files: FileOptions) -> SceneSource:
     return open_scene(path, files.read())
 
 
-def write(
-    path: Path,
-    header: SceneHeader,
-    blocks: Blocks,
-    output: Output,
-    files: FileOptions,
-    levels: Levels | None,
-) -> None:
-    """Write the scene or its levels of detail; a dry run only reads the blocks."""
-    from gsedit.formats.registry import write_scene
-    from gsedit.formats.streams import gather
-
-    if output.dry_run or output.out is None:
-        for _ in blocks:
-            pass
-    elif levels is None:
-        write_scene(
-            output.out, header, blocks, options=files.write(output.out), overwrite=output.force
-        )
-    else:
-        levels.write(path, header, gather(blocks, header, 0), output.out, files, output.force)
-
-
-def companions(path: Path, output: Output, operations: list[Operation]) -> Callable[[], None]:
+def companions(path: Path, output: Output, operations: list[Any]) -> Callable[[], None]:
     """Return a function that writes the moved cameras (--cameras) and similarities (--save).
 
-    Raises UsageError now if one of these files cannot be written.
+    Raises UsageError now if one of these files cannot be written, or there are no cameras.
     """
     saving = [each for each in operations if getattr(each, "save", None)]
     for each in saving:
-        check_file(each.save, output.force or output.dry_run, ".json")  # pyright: ignore[reportAttributeAccessIssue]
-    cameras = None
+        check_file(each.save, output.force or output.dry_run, ".json")
+    viewpoints, target = (), None
     if any(getattr(each, "cameras", False) for each in operations):
-        from gsedit.toolkit.moved_cameras import CameraMove
+        from gsedit.datasets.cameras_json import cameras_file, own_file, read_cameras
 
-        cameras = CameraMove(path, None if output.dry_run else output.out, output.force)
+        file = cameras_file(path)
+        if file is None:
+            raise UsageError(f"{path} has no cameras.json beside it: leave out --cameras")
+        viewpoints = read_cameras(file)
+        target = None if output.out is None else own_file(output.out)
+        check_file(target, output.force or output.dry_run)
 
     def write() -> None:
-        if output.dry_run:
-            return
         for each in saving:
             from gsedit.toolkit.similarity_files import write_similarity
 
-            write_similarity(each.moved, each.save, overwrite=output.force)  # pyright: ignore[reportAttributeAccessIssue]
-            print_message(f"the similarity: {each.save}")  # pyright: ignore[reportAttributeAccessIssue]
-        if cameras and (file := cameras.write(operations)):
-            print_message(f"cameras moved along: {file}")
+            write_similarity(each.moved, each.save, overwrite=output.force)
+            print_message(f"the similarity: {each.save}")
+        if target is not None:
+            from gsedit.datasets.cameras_json import write_cameras
+            from gsedit.scene.similarity import IDENTITY, moved_camera
 
-    return write
+            whole = IDENTITY
+            for each in operations:
+                whole = each.moved.after(whole) if each.moves else whole
+            moved = [replace(v, camera=moved_camera(v.camera, whole)) for v in viewpoints]
+            write_cameras(moved, target, overwrite=output.force)
+            print_message(f"cameras moved along: {target}")
+
+    return (lambda: None) if output.dry_run else write
 
 
 def fitted(header: SceneHeader, blocks: Blocks, out: Path | None) -> tuple[SceneHeader, Blocks]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil
 from typing import TYPE_CHECKING, ClassVar
@@ -83,22 +83,6 @@ def fewer(table: SplatTable, count: int, method: str) -> SplatTable:
             "invalid and cannot be joined: put clean --repair before it, or add --drop-invalid"
         )
     return represent(table, groups(table, count))
-
-
-def lod_tables(table: SplatTable, levels: int, share: float) -> Iterator[SplatTable]:
-    """The table, then each level made from the one before, with `share` of its rows.
-
-    Raises UsageError for fewer than 2 levels or a share outside (0, 1).
-    """
-    if levels < 2 or not 0 < share < 1:
-        raise UsageError(
-            f"{levels} levels of {100 * share:g} %: make 2 or more, each with a share of the one "
-            "before between 0 and 100 %"
-        )
-    yield table
-    for _ in range(levels - 1):
-        table = fewer(table, share_of(len(table), share), "merge")
-        yield table
 
 
 def picture_change(

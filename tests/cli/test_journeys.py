@@ -269,8 +269,3 @@ def test_a_scene_is_measured_compared_and_exported(place, tmp_path):
         assert told["mesh"] == str(mesh)
         assert mesh.stat().st_size > 1000
         assert 4 <= told["faces"] <= 300
-    levels = tmp_path / "levels"
-    answer("decimate", scene, "50%", "--levels", 3, "--format", "spz", "-o", levels)
-    assert names(levels) == {"lod.json", *(f"room_lod{i}.spz" for i in range(3))}
-    record = json.loads((levels / "lod.json").read_text())["levels"]
-    assert [each["gaussians"] for each in record] == [7000, 3500, 1750]

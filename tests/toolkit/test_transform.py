@@ -8,10 +8,9 @@ import torch
 from closeness import EPS32, assert_near
 
 from gsedit.errors import UsageError
-from gsedit.scene.similarity import Similarity
+from gsedit.scene.similarity import Similarity, moved_camera
 from gsedit.scene.table import SPLAT_FIELDS, SplatTable, gaussians_of, table_of
 from gsedit.toolkit import transform
-from gsedit.toolkit.moved_cameras import moved_camera
 from gsedit.toolkit.steps import compose
 from rasterizer import Camera, Gaussians, render
 
