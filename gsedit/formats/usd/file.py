@@ -4,7 +4,8 @@ Scales and opacities are linear, rotations wxyz, SH as INRIA's, row after row. A
 up, which is kept): memory's axes turned by 180 degrees about x, in the values and not as a
 transform, so that they read the same without one. A child process runs the library, which reads
 files of strangers in C++ and can crash on damaged ones; its memory and the bytes that it writes are
-bounded. Between the two are files of plain numbers, read and written a block at a time.
+bounded. Between the two are files of plain numbers. The library holds the scene, and so does
+writing here.
 Source: OpenUSD 26.11, the schemas of UsdVol; openusd.org.
 """
 
@@ -18,7 +19,6 @@ import sys
 import tempfile
 import weakref
 from collections.abc import Iterator, Mapping
-from contextlib import ExitStack
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
@@ -40,6 +40,7 @@ from gsedit.formats.streams import (
     SceneHeader,
     SceneSource,
     WriteOptions,
+    gather,
 )
 from gsedit.formats.usd.child import COEFFICIENTS, ORIENTATIONS, SCHEMA, WIDTHS
 from gsedit.formats.usd.units import Units, units_in, units_of
@@ -164,34 +165,27 @@ def write(path: Path, header: SceneHeader, blocks: Blocks, options: WriteOptions
     number of rows. Axes and unit are those of the comments. Raises UsageError without usd-core."""
     check_installed(path)
     units, comments = units_in(header.comments)
-    low, high = np.full(3, np.inf, np.float32), np.full(3, -np.inf, np.float32)
-    count, folder = 0, Path(tempfile.mkdtemp(prefix=".gs-usd-", dir=path.parent))
+    table = to_axes(gather(blocks, header, 0), units.axes)
+    if not len(table):
+        return 0
+    folder = Path(tempfile.mkdtemp(prefix=".gs-usd-", dir=path.parent))
     try:
-        with ExitStack() as stack:
-            files = {
-                name: stack.enter_context((folder / name.replace(":", ".")).open("wb"))
-                for name in WIDTHS
-            }
-            for block in blocks:
-                table = to_axes(block, units.axes)
-                for name, values in _attributes(table).items():
-                    files[name].write(np.ascontiguousarray(values, np.float32).data)
-                reach = _REACH * table.scales.max(1, keepdims=True)
-                low = np.fmin(low, np.fmin.reduce(table.means - reach))
-                high = np.fmax(high, np.fmax.reduce(table.means + reach))
-                count += len(block)
-            size = sum(file.tell() for file in files.values())
+        size = 0
+        for name, values in _attributes(table).items():
+            np.ascontiguousarray(values, np.float32).tofile(folder / name.replace(":", "."))
+            size += values.nbytes
+        reach = _REACH * table.scales.max(1, keepdims=True)
+        low, high = np.fmin.reduce(table.means - reach), np.fmax.reduce(table.means + reach)
         record = {
             "meters": units.meters, "up": units.up, "degree": header.degree,
             "extent": [low.tolist(), high.tolist()], "antialiased": header.antialiased,
             "comments": [" ".join(c.split()) for c in comments if not c.startswith(PROGRAM)],
         }  # fmt: skip
         (folder / "record.json").write_text(json.dumps(record), encoding="utf-8")
-        if count:
-            write_folder(folder, path, size)
+        write_folder(folder, path, size)
     finally:
         shutil.rmtree(folder)
-    return count
+    return len(table)
 
 
 def _attributes(table: SplatTable) -> dict[str, np.ndarray]:
