@@ -80,34 +80,6 @@ def test_what_is_written_is_read_within_its_steps(degree, tmp_path, monkeypatch)
         assert_near(theirs, again, **dict.fromkeys((*bounds, "colors", "sh"), 1e-3))
 
 
-def test_version_1_has_ranges_where_version_2_has_codebooks(tmp_path):
-    table = random_table(40, 1)
-    files = entries(write(tmp_path / "a.sog", table))
-    meta = json.loads(files["meta.json"])
-    new = open_scene(tmp_path / "a.sog").table()
-    steps = {"mins": [-8, -8, -8], "maxs": [2, 2, 2]}
-    colors = {"mins": [-2, -2, -2, -5], "maxs": [2, 2, 2, 5]}
-    old = {
-        "means": {**meta["means"], "shape": [40, 3]},
-        "scales": {**steps, "files": meta["scales"]["files"]},
-        "quats": meta["quats"],
-        "sh0": {**colors, "files": meta["sh0"]["files"]},
-        "shN": {"mins": -1, "maxs": 1, "files": meta["shN"]["files"]},
-    }
-    source = open_scene(
-        zipped(tmp_path / "b.sog", {**files, "meta.json": json.dumps(old).encode()})
-    )
-    assert source.format == ".sog version 1"
-    again = source.table()
-    np.testing.assert_array_equal(again.means, new.means)
-    np.testing.assert_array_equal(again.quats, new.quats)
-    codes = np.float32(meta["scales"]["codebook"])
-    expected = -8 + 10 * np.searchsorted(codes, new.log_scales) / 255
-    np.testing.assert_allclose(again.log_scales, expected, atol=0.05)  # of equal codes any
-    logits = -5 + 10 * np.rint(new.opacities * 255) / 255
-    np.testing.assert_allclose(again.logit_opacities, logits, atol=1e-3)
-
-
 def test_pictures_keep_what_is_transparent():
     pixels = np.random.default_rng(0).integers(0, 256, (8, 12, 4), dtype=np.uint8)
     pixels[:4, :, 3] = 0

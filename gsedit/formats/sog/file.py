@@ -1,4 +1,4 @@
-"""PlayCanvas' .sog: versions 1 and 2 in (a zip, or meta.json with its pictures), 2 out (a zip).
+"""PlayCanvas' .sog of version 2: in a zip, or meta.json with its pictures; out a zip.
 
 Every value is a byte or two of a pixel of lossless WebP pictures: positions in 16 bits along a
 logarithm, rotations as smallest three, scales, colors and SH through codebooks of 256 numbers, SH
@@ -13,7 +13,7 @@ import io
 import struct
 import zipfile
 import zlib
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -75,7 +75,6 @@ _NAMES = ("means", "scales", "quats", "sh0", "shN")
 class _Scene:
     """Contents of a meta.json, checked."""
 
-    version: int
     count: int
     antialiased: bool
     lows: Float64[np.ndarray, "3"]
@@ -85,10 +84,10 @@ class _Scene:
     """The codebook of each axis."""
     colors: Float32[np.ndarray, "256 4"]
     """Those of red, green, blue and the logit of opacity."""
-    degree: int = 0
-    entries: int = 0
+    degree: int
+    entries: int
     """Entries of the SH palette."""
-    sh: Float32[np.ndarray, "256"] | None = None
+    sh: Float32[np.ndarray, "256"] | None
 
 
 def open_source(path: Path, options: ReadOptions) -> SceneSource:
@@ -99,7 +98,7 @@ def open_source(path: Path, options: ReadOptions) -> SceneSource:
     check_expansion(path, files.size(names), scene.count * _BYTES_A_ROW)
     return SceneSource(
         path,
-        f"{'.sog' if files.zipped else 'SOG folder'} version {scene.version}",
+        ".sog" if files.zipped else "SOG folder",
         SceneHeader(scene.degree, antialiased=scene.antialiased),
         scene.count,
         partial(_blocks, files, scene),
@@ -134,84 +133,50 @@ def _property(files: int, **needed: Check) -> Check:
     return object_of({**needed, "files": list_of(text(), files, files)})
 
 
-def _between(*shape: int) -> dict[str, Check]:
-    return dict.fromkeys(("mins", "maxs"), numbers(*shape, most=_MOST))
-
-
 _MOST = 1e30
-_COUNT = number(0, (1 << 32) - 1, whole=True)
-_META = {
-    1: object_of(
-        {
-            "means": _property(2, shape=list_of(_COUNT, 1), **_between(3)),
-            "scales": _property(1, **_between(3)),
-            "quats": _property(1),
-            "sh0": _property(1, **_between(4)),
-        },
-        {"shN": _property(2, **_between())},
-    ),
-    2: object_of(
-        {
-            "count": _COUNT,
-            "means": _property(2, **_between(3)),
-            "scales": _property(1, codebook=_codebook),
-            "quats": _property(1),
-            "sh0": _property(1, codebook=_codebook),
-        },
-        {
-            "shN": _property(
-                2,
-                bands=number(0, 3, whole=True),
-                count=number(1, _PALETTE_MAX, whole=True),
-                codebook=_codebook,
-            )
-        },
-    ),
-}
-"""Contents of a meta.json by its version: even steps between two ends, then codebooks."""
+_META = object_of(
+    {
+        "count": number(0, (1 << 32) - 1, whole=True),
+        "means": _property(2, **dict.fromkeys(("mins", "maxs"), numbers(3, most=_MOST))),
+        "scales": _property(1, codebook=_codebook),
+        "quats": _property(1),
+        "sh0": _property(1, codebook=_codebook),
+    },
+    {
+        "shN": _property(
+            2,
+            bands=number(0, 3, whole=True),
+            count=number(1, _PALETTE_MAX, whole=True),
+            codebook=_codebook,
+        )
+    },
+)
 
 
 def _scene(files: SogFiles) -> _Scene:
     """The contents of the meta.json. Raises InputError where they are not what they should be."""
     where = f"{files.path}: {META}"
     meta = parse_json(files.read(META, META_MAX_BYTES), where, object_of({}), advice=_AGAIN)
-    version = meta.get("version", 1)
-    if version not in (1, 2) or isinstance(version, bool):
-        raise InputError(f"{files.path} is SOG version {version!r}: gsedit reads 1 and 2")
-    meta = checked(meta, _META[version], where, advice=_AGAIN)
-    means, scales, colors, sh = (meta.get(name) for name in ("means", "scales", "sh0", "shN"))
-    if version == 2:
-        count, codes = meta["count"], colors["codebook"]
-        sizes = np.tile(scales["codebook"][:, None], 3)
-        channels = np.column_stack((codes, codes, codes, logits_of(np.arange(256) / 255)))
-    else:
-        count, sizes, channels = means["shape"][0], _steps(scales), _steps(colors)
-    named = {name: meta[name]["files"] for name in _NAMES if name in meta}
-    scene = _Scene(
-        version, count, meta.get("antialias") is True, means["mins"], means["maxs"], named, sizes,
+    if (version := meta.get("version", 1)) != 2:
+        raise InputError(
+            f"{files.path} is SOG version {str(version)[:20]}: gsedit reads 2, {_AGAIN}"
+        )
+    meta = checked(meta, _META, where, advice=_AGAIN)
+    codes = meta["sh0"]["codebook"]
+    channels = np.column_stack((codes, codes, codes, logits_of(np.arange(256) / 255)))
+    sh = meta.get("shN", {"bands": 0, "count": 0, "codebook": None})
+    return _Scene(
+        meta["count"],
+        meta.get("antialias") is True,
+        meta["means"]["mins"],
+        meta["means"]["maxs"],
+        {name: meta[name]["files"] for name in _NAMES if name in meta},
+        np.tile(meta["scales"]["codebook"][:, None], 3),
         channels.astype(np.float32),
-    )  # fmt: skip
-    if sh is None:
-        return scene
-    if version == 2:
-        return replace(scene, degree=sh["bands"], entries=sh["count"], sh=sh["codebook"])
-    degree, entries = _palette_size(files, sh["files"][0])
-    return replace(scene, degree=degree, entries=entries, sh=_steps(sh)[:, 0])
-
-
-def _steps(ends: dict[str, Any]) -> Float32[np.ndarray, "256 c"]:
-    """Even steps between the ends of each axis or channel."""
-    low, high = (np.atleast_1d(ends[name]) for name in ("mins", "maxs"))
-    return (low + (high - low) * np.arange(256)[:, None] / 255).astype(np.float32)
-
-
-def _palette_size(files: SogFiles, name: str) -> tuple[int, int]:
-    """The SH degree and the entries of a palette of version 1, which its picture tells."""
-    width, height = picture_size(files.read(name, 32 * _PALETTE_MAX * 4)) or (0, 0)
-    degree = {ENTRIES_A_ROW * ((d + 1) ** 2 - 1): d for d in (1, 2, 3)}.get(width, -1)
-    if degree < 0 or height * ENTRIES_A_ROW > _PALETTE_MAX:
-        raise InputError(f"{files.path}: {name} is {width}x{height}: {_AGAIN}")
-    return degree, height * ENTRIES_A_ROW
+        sh["bands"],
+        sh["count"],
+        sh["codebook"],
+    )
 
 
 def _blocks(files: SogFiles, scene: _Scene) -> Blocks:
