@@ -17,7 +17,7 @@ from ..options.selection import SelectionOptions
 
 if TYPE_CHECKING:
     from gsedit.toolkit.clean import Clean
-    from gsedit.toolkit.find_defects import Limits
+    from gsedit.toolkit.defects import Limits
     from gsedit.toolkit.repair import Repair
     from rasterizer.camera import Camera
     from rasterizer.scene import Gaussians
@@ -72,7 +72,7 @@ class CleanOptions:
 
     def limits(self) -> Limits:
         """The thresholds of the laws that are asked. Raises UsageError."""
-        from gsedit.toolkit.find_defects import Limits
+        from gsedit.toolkit.defects import Limits
 
         return Limits(
             invisible=self.least_opacity if self.invisible else None,

@@ -15,7 +15,7 @@ from ..options.numbers import numbers
 from ..options.selection import SelectionOptions
 
 if TYPE_CHECKING:
-    from gsedit.toolkit.transform import Transform, TransformAboutCenter
+    from gsedit.toolkit.transform import Transform
 
 _PLACES = count()
 
@@ -101,7 +101,7 @@ def transform(
     cameras: Cameras = False,
     *,
     selection: SelectionOptions,
-) -> Transform | TransformAboutCenter:
+) -> Transform:
     """Move, turn, scale or mirror a scene or a part of it.
 
     gsedit transform scene.ply --up z,-y --scale 2 --translate 0,1,0 -o moved.ply

@@ -12,8 +12,7 @@ import torch
 from gsedit.cameras.around import FOUND_VIEWS, find_viewpoints
 from gsedit.cameras.paths import up_of
 from gsedit.datasets.cameras_json import cameras_file, read_cameras
-from gsedit.datasets.near import viewpoints_near
-from gsedit.datasets.viewpoints import Viewpoint, same_size, that_see, thinned
+from gsedit.datasets.viewpoints import Viewpoint, same_size, that_see, thinned, viewpoints_near
 from gsedit.formats.scenes import read_scene
 from gsedit.scene.cache import SceneCache
 from gsedit.scene.framing import Bounds, bounds, framing_camera, guess_up

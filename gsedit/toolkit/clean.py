@@ -14,9 +14,8 @@ from gsedit.formats.flags import write_flags
 from gsedit.formats.streams import SceneHeader
 from gsedit.scene.table import SplatTable, gaussians_of
 from gsedit.select.rules import Selection
-from gsedit.toolkit.defects import UNSEEN
+from gsedit.toolkit.defects import KEPT, REASONS, UNSEEN, USUAL, Limits, find_defects
 from gsedit.toolkit.filter import as_selection
-from gsedit.toolkit.find_defects import KEPT, REASONS, USUAL, Limits, find_defects
 from gsedit.toolkit.operation import Say, Scene, Whole, apply, silent
 
 if TYPE_CHECKING:

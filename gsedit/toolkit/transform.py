@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from jaxtyping import Bool, Float64
@@ -16,8 +16,7 @@ from gsedit.scene.similarity import IDENTITY, Similarity
 from gsedit.scene.table import SPLAT_FIELDS, SplatTable, concatenate_tables
 from gsedit.select.rules import EVERYTHING, Selection
 from gsedit.toolkit.filter import as_selection
-from gsedit.toolkit.on_selection import OnSelection
-from gsedit.toolkit.operation import Say, Scene, Whole, apply
+from gsedit.toolkit.operation import OnSelection, Say, Scene, apply
 from gsedit.toolkit.steps import compose, translate
 
 
@@ -32,63 +31,39 @@ class Transform(OnSelection):
     copy: bool = False
     cameras: bool = False
     """Whether the cameras beside the scene's file are to move along."""
-
-    @property
-    def moves(self) -> bool:
-        return self.selection is EVERYTHING and not self.copy
-
-    @property
-    def moved(self) -> Similarity:
-        """The similarity that is applied to the scene."""
-        return self.similarity
-
-    def header(self, header: SceneHeader) -> SceneHeader:
-        return rescaled(header, self.similarity.scale) if self.moves else header
-
-    def change(self, table: SplatTable, inside: Bool[np.ndarray, " n"]) -> SplatTable:
-        return moved_rows(table, self.similarity, inside, copy=self.copy)
-
-
-@dataclass(frozen=True, eq=False)
-class Placing(Whole):
-    """An operation that finds a similarity in the scene, and applies it to the scene."""
-
-    cameras: bool = field(default=False, kw_only=True)
-    """Whether the cameras beside the scene's file are to move along."""
+    center: Literal["origin", "pivot"] | None = None
+    """The median of the selected centers comes to the origin first, or takes its place."""
     found: list[Similarity] = field(default_factory=list, repr=False, kw_only=True)
 
     @property
-    def moved(self) -> Similarity:
-        """The similarity that was applied to the scene; known after the work."""
-        return self.found[-1] if self.found else IDENTITY
-
-
-@dataclass(frozen=True, eq=False)
-class TransformAboutCenter(Placing):
-    """Transform about the center of the selected Gaussians: the median of their centers."""
-
-    similarity: Similarity
-    to_origin: bool = False
-    """Leave the center at the origin instead of moving it back to its place."""
-    selection: Selection = EVERYTHING
-    copy: bool = False
+    def whole(self) -> bool:
+        return self.center is not None or super().whole
 
     @property
     def moves(self) -> bool:
         return self.selection is EVERYTHING and not self.copy
+
+    @property
+    def moved(self) -> Similarity:
+        """The similarity that is applied to the scene; about a center, known after the work."""
+        return self.found[-1] if self.found else self.similarity
 
     def header(self, header: SceneHeader) -> SceneHeader:
         return rescaled(header, self.similarity.scale) if self.moves else header
 
     def apply(self, table: SplatTable, say: Say) -> SplatTable:
         inside = self.selection.mask(table)
-        center = center_of(table.means[inside])
-        similarity = self.similarity.about(center)
-        if self.to_origin:
-            similarity = self.similarity.after(translate((-center).tolist()))
-        say(f"center at {', '.join(f'{c:.6g}' for c in center)}")
-        self.found.append(similarity)
-        return moved_rows(table, similarity, inside, copy=self.copy)
+        if self.center is not None:
+            center = center_of(table.means[inside])
+            say(f"center at {', '.join(f'{c:.6g}' for c in center)}")
+            if self.center == "pivot":
+                self.found.append(self.similarity.about(center))
+            else:
+                self.found.append(self.similarity.after(translate((-center).tolist())))
+        return self.change(table, inside)
+
+    def change(self, table: SplatTable, inside: Bool[np.ndarray, " n"]) -> SplatTable:
+        return moved_rows(table, self.moved, inside, copy=self.copy)
 
 
 def center_of(means: np.ndarray) -> Float64[np.ndarray, "3"]:
@@ -132,7 +107,7 @@ def transform_of(
     selection: Selection = EVERYTHING,
     copy: bool = False,
     cameras: bool = False,
-) -> Transform | TransformAboutCenter:
+) -> Transform:
     """The operation; `pivot` is a point or "center". Raises UsageError for what contradicts."""
     if center and pivot is not None:
         raise UsageError("center moves the scene to the origin, which is the pivot then: give one")
@@ -140,11 +115,10 @@ def transform_of(
         raise UsageError("cameras move with the whole scene only, not with a part or a copy")
     if isinstance(pivot, str) and pivot != "center":
         raise UsageError(f"pivot {pivot}: give x,y,z or center")
-    if center or isinstance(pivot, str):
-        return TransformAboutCenter(similarity, center, selection, copy, cameras=cameras)
-    if pivot is not None:
+    about = "origin" if center else "pivot" if isinstance(pivot, str) else None
+    if pivot is not None and about is None:
         similarity = similarity.about(translate(pivot).translation)
-    return Transform(similarity, copy, cameras, selection=selection)
+    return Transform(similarity, copy, cameras, about, selection=selection)
 
 
 def transform(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shutil
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,7 +16,6 @@ from gsedit.capture.causes import Evidence, cause, hopeless
 from gsedit.capture.folder import find_photos
 from gsedit.capture.settings import CaptureSettings
 from gsedit.capture.stages import Stages
-from gsedit.errors import InputError
 
 
 def failure(folder, out, *words):
@@ -171,42 +169,6 @@ def pair(i, j, inliers=200, homography=None, shift=0.1):
     flat = homography is not None
     return {"names": (str(i), str(j)), "inliers": inliers, "flat": flat, "shift": shift,
             "homography": homography.tolist() if flat else None}  # fmt: skip
-
-
-def climbed(monkeypatch, posed, found):
-    """A climb of which the attempts pose so many photos of 10 and find this evidence."""
-    taken = [photos.Photo(f"{i}.jpg", f"{i}.jpg", 8, 8, 9.0, 9.0) for i in range(10)]
-    prepared = photos.Prepared(tuple(taken), ())
-    monkeypatch.setattr(capture, "groups_of", lambda *_: ())
-    work = capture._Mapping(
-        Path("photos"), Stages(Path("work"), 1), CaptureSettings(), prepared, ""
-    )
-    attempts = iter(zip(posed, found))
-
-    def match(attempt):
-        work.now, work.evidence = next(attempts)
-        return Path("matches.db"), "key"
-        yield
-
-    def mapped(database, key, attempt):
-        return [{"poses": dict.fromkeys(range(work.now))}], key
-        yield
-
-    monkeypatch.setattr(work, "_match", match)
-    monkeypatch.setattr(work, "_map", mapped)
-    return work, list(work.climb())
-
-
-def test_a_retry_that_finds_nothing_does_not_discard_what_was_posed(monkeypatch, tmp_path):
-    monkeypatch.chdir(tmp_path)
-    good, still = evidence([pair(0, 1)]), evidence([pair(0, 1, shift=0.001)])
-    work, lines = climbed(monkeypatch, (6, 7, 0), (good, good, still))
-    assert work.posed == 7
-    assert work.evidence is good
-    assert "it looks as if the camera hardly moved" in lines[-1].text
-    assert "going on with what was posed before" in lines[-1].text
-    with pytest.raises(InputError, match="photos: the camera hardly moved"):
-        climbed(monkeypatch, (2, 0), (good, still))
 
 
 def homographies(focal, translation):

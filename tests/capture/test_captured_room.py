@@ -12,7 +12,7 @@ from PIL import Image
 from pose_error import pose_error, poses
 
 from gsedit import load_dataset
-from gsedit.capture import child
+from gsedit.capture import stages
 from gsedit.datasets.cameras_json import read_cameras
 
 FEW = "--features", 600, "--size", 192
@@ -69,7 +69,7 @@ def test_the_last_lines_say_what_was_posed_and_what_to_do_next(captured):
 
 def test_a_second_run_does_nothing_again(captured, monkeypatch):
     before = files(captured.scene)
-    monkeypatch.setattr(child, "run", None)  # would raise
+    monkeypatch.setattr(stages, "run", None)  # would raise
     again = gsedit("capture", captured.photos, "-o", captured.scene, *FEW)
     assert again.exit_code == 0, again.stderr
     after = files(captured.scene)
@@ -86,7 +86,7 @@ def test_what_changes_is_done_again_and_no_more(captured, monkeypatch, tmp_path)
         asked.append(task)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(child, "run", run)
+    monkeypatch.setattr(stages, "run", run)
     for each in (scene / "work").glob("results-*.json"):  # as where their writing was interrupted
         each.unlink()
     for words in ([], ["--mapper", "global"], ["--seed", 1], ["--lens", "opencv"]):

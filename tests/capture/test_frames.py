@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from gsedit.capture.frames import Extraction, extract_steps, is_video
-from gsedit.capture.video import Video
+from gsedit.capture.frames import Extraction, Video, extract_steps, is_video
 from gsedit.errors import GseditError, InputError
 
 pytest.importorskip("av", reason="needs PyAV: pip install 'gsedit[video]'")
@@ -109,7 +108,6 @@ def test_a_video_that_is_cut_off_gives_what_it_has_and_says_so(walk, tmp_path):
     assert len(found.paths) >= 4
     assert "short.mp4 is cut off: " in found.notes[0]
     assert " of 6.0 s can be decoded" in found.notes[0]
-    assert extraction(short, tmp_path / "out", 12).notes == found.notes  # remembered
 
 
 def test_frames_are_found_again_where_the_second_pass_decodes_others(walk, tmp_path, monkeypatch):
@@ -149,30 +147,6 @@ def test_damage_in_the_middle_is_survived(walk, tmp_path):
     broken = tmp_path / "broken.mp4"
     broken.write_bytes(data)
     assert len(extract(broken, tmp_path / "out", 12)) >= 10
-
-
-def test_work_that_was_interrupted_goes_on(walk, tmp_path):
-    events = extract_steps(walk, tmp_path, 12)
-    stages = []
-    for event in events:
-        stages.append(event.stage)
-        if stages.count("frames") == 5:
-            break
-    events.close()
-    there = {path: path.stat().st_mtime_ns for path in tmp_path.glob("*.jpg")}
-    assert len(there) == 5
-    paths = extract(walk, tmp_path, 12)
-    assert len(paths) == 12
-    assert {path: path.stat().st_mtime_ns for path in there} == there
-    *rest, last = extract_steps(walk, tmp_path, 12)
-    assert not rest  # nothing was done again
-    assert last.paths == paths
-
-
-def test_frames_of_another_choice_are_replaced(walk, tmp_path):
-    extract(walk, tmp_path, 12)
-    paths = extract(walk, tmp_path, 5)
-    assert set(tmp_path.glob("*.jpg")) == set(paths)
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from photo_sets import colmap_dataset
 from PIL import Image
 
 from gsedit import load_dataset
-from gsedit.datasets import photo_pixels
+from gsedit.datasets import load as loading
 from gsedit.errors import InputError
 from gsedit.formats.pictures import read_photo
 
@@ -228,7 +228,7 @@ def test_photos_are_read_when_they_are_asked_for(tmp_path, monkeypatch):
         read.append(path.name)
         return read_photo(path, **options)
 
-    monkeypatch.setattr(photo_pixels, "read_photo", counted)
+    monkeypatch.setattr(loading, "read_photo", counted)
     data = load_dataset(write(tmp_path, dataset(tmp_path)))
     assert read == []
     first = data.views[1].image

@@ -14,7 +14,7 @@ from splat_tables import assert_near, random_table
 
 from gsedit.errors import InputError
 from gsedit.formats.axes import LUF, to_axes
-from gsedit.formats.gltf.file import EXTENSION, holds_splats
+from gsedit.formats.gltf.file import EXTENSION
 from gsedit.formats.registry import open_scene, write_scene
 from gsedit.formats.streams import SceneHeader, in_blocks
 from gsedit.scene.quaternions import axis_rotation
@@ -184,13 +184,6 @@ def test_negative_scales_are_logarithms(tmp_path):
     source = open_scene(glb(tmp_path / "a.glb", scene, rows.tobytes()))
     assert "logarithms" in source.notes[0]
     np.testing.assert_array_equal(source.table().log_scales, table.log_scales)
-
-
-def test_a_mesh_is_no_splats(tmp_path):
-    scene, data = by_hand(random_table(5, 0))
-    del scene["meshes"][0]["primitives"][0]["extensions"]
-    path = glb(tmp_path / "a.glb", scene, data)
-    assert not holds_splats(path)
 
 
 LIES = {

@@ -7,9 +7,8 @@ from typing import Any
 import pytest
 import torch
 
-from gsedit.light.present import survey
 from gsedit.scene.cache import EACH, SceneCache, cached_per_scene
-from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
+from gsedit.synthetic import demo_scene, surface_gaussians
 from rasterizer.scene import Gaussians
 
 
@@ -108,12 +107,3 @@ def test_two_threads_that_ask_at_once_compute_once(scene):
     for each in threads:
         each.join()
     assert count.times == 1
-
-
-def test_a_kept_survey_is_that_which_is_made_anew(scene):
-    cameras = ring_cameras(demo_scene(), 4, 32)
-    anew = survey(scene, cameras)
-    with SceneCache(scene).used():
-        first, second = survey(scene, cameras), survey(scene, list(cameras))
-    assert second is first
-    assert torch.equal(first.light, anew.light)

@@ -17,7 +17,7 @@ from gsedit.scene.table import SPLAT_FIELDS, SplatTable, concatenate_tables
 from gsedit.select.forms import sphere
 from gsedit.toolkit import Clean, Limits, apply, clean, find_defects, repair
 from gsedit.toolkit import check as check_file
-from gsedit.toolkit.find_defects import REASONS
+from gsedit.toolkit.defects import REASONS
 from rasterizer import look_at
 
 

@@ -11,8 +11,7 @@ import torch
 from gsedit.app.loaded import Loaded
 from gsedit.scene.table import table_of
 from gsedit.toolkit.clean import mark_unseen
-from gsedit.toolkit.defects import UNSEEN
-from gsedit.toolkit.find_defects import REASONS, find_defects
+from gsedit.toolkit.defects import REASONS, UNSEEN, find_defects
 
 if TYPE_CHECKING:
     from gsedit.app.page import Page
@@ -22,7 +21,7 @@ SWITCHES = {
     "invisible": "invisible", "giant": "giants", "floater": "floaters", "needle": "needles",
     "duplicate": "duplicates", UNSEEN.name: "unseen",
 }  # fmt: skip
-"""Names of the reasons (gsedit.toolkit.find_defects.REASONS) and of their switches in `clean`."""
+"""Names of the reasons (gsedit.toolkit.defects.REASONS) and of their switches in `clean`."""
 
 
 @dataclass(frozen=True, eq=False)
