@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 from jaxtyping import Bool
 from torch import Tensor
 
 from gsedit.datasets.dataset import View, capture, evenly_spaced
-from gsedit.datasets.view_list_files import HELD_OUT_EVERY
+from gsedit.datasets.view_list_files import HELD_OUT_EVERY, ViewList
 from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.editing.routes.apply import Routed, apply_instruction
 from gsedit.editing.routes.named import taken_nouns
@@ -20,11 +19,8 @@ from gsedit.editing.session.progress import Work
 from gsedit.editing.session.result import EditMetrics, EditResult, HeldOutViews
 from gsedit.editing.session.settings import EditSettings
 from gsedit.editing.view_plan import ViewPlan
-from gsedit.measures.evaluation_input import REGION_IS, Evaluation, Mean
-from gsedit.measures.interval import mean_interval
-from gsedit.measures.metrics import rmse, squared_error
-from gsedit.measures.outside import outside_means, pixels_outside
-from gsedit.measures.references import BY_TO
+from gsedit.measures.evaluation import evaluate
+from gsedit.measures.evaluation_input import EvaluationInput
 from gsedit.runs.stopwatch import Stopwatch
 from gsedit.select.finder import Finder, Names
 from gsedit.words.instruction import Change, Instruction
@@ -42,6 +38,8 @@ FINDS_SUBJECT = "auto"
 LEAST_RMSE = 0.005
 """RMSE to the unedited views below which the user is told that hardly anything changed: painting a
 subject of one pixel in a hundred makes six times as much."""
+MEASURED = ("rmse_to_unedited", "rmse_outside_region", "psnr_outside_region")
+"""Metrics of such an edit: the other ones compare with pictures of a 2D editor."""
 HARDLY = "hardly anything changed: the scene has little that this acts on"
 
 
@@ -161,18 +159,20 @@ def measured(
     execution: Execution = AUTO,
 ) -> EditMetrics:
     """The difference of held-out views, and how well what is outside the region is kept."""
-    region, parts = routed.region, [(routed.region, scene)]
-    if routed.before is not None:
-        parts = [(routed.before, scene), (routed.region, routed.scene)]
-    number = len(before)
-    changed = [rmse(new.image, old.image) for new, old in zip(after, before)]
-    of_all = Mean(sum(changed) / number, number, mean_interval(changed), BY_TO["unedited"])
-    found: dict[str, dict[Any, Mean]] = {"rmse_to_unedited": {"held_out": of_all}}
-    if not region.is_all:
-        errors = [
-            squared_error(old.image, new.image, pixels_outside(parts, old.camera, execution))
-            for old, new in zip(before, after)
-        ]
-        kept = outside_means([each for each in errors if each.values], "region", REGION_IS)
-        found |= {name: {"held_out": mean} for name, mean in kept.items()}
-    return EditMetrics(Evaluation(found, (), {}, ()))
+    moved = routed.before is not None
+    viewpoints = tuple(Viewpoint(each.name, each.camera) for each in before)
+    return EditMetrics(
+        evaluate(
+            EvaluationInput(
+                routed.scene,
+                ViewList(viewpoints, ("held_out",) * len(before)),
+                unedited=scene,
+                region=routed.before if moved else routed.region,
+                edited_region=routed.region if moved else None,
+                finals={i: each.image for i, each in enumerate(after)},
+                originals={i: each.image for i, each in enumerate(before)},
+                execution=execution,
+            ),
+            only=MEASURED,
+        )
+    )
