@@ -8,8 +8,8 @@ from functools import cache
 from html import escape
 from pathlib import Path
 
+from gsedit.app.moves import on_page
 from gsedit.app.places import Places
-from gsedit.app.wording import on_page
 from gsedit.editing.routes.apply import is_exact
 from gsedit.editing.routes.plan import steps_of
 from gsedit.editor_protocol import Editor
@@ -76,7 +76,7 @@ def read(text: str, names: Iterable[str] = (), places: Places | None = None) -> 
             if not is_exact(step):
                 editor_2d().check(step.text)
     except UsageError as error:
-        return Reading(text, instruction, (), on_page(str(error)))
+        return Reading(text, instruction, (), on_page(error))
     return Reading(text, instruction, steps)
 
 

@@ -16,7 +16,7 @@ from gsedit.app.display import DisplayState, Way, depth_at, picture, tinted
 from gsedit.app.eyes import camera_of, eye_of, handle_eye, height_of, point_of, widened
 from gsedit.app.frames import RESTING_QUALITY, Painter
 from gsedit.app.latest_only import LatestOnlyWorker
-from gsedit.app.wording import on_page
+from gsedit.app.moves import on_page
 from gsedit.errors import GseditError
 from gsedit.select.region import TINT
 from rasterizer.camera import Camera
@@ -273,7 +273,7 @@ class Tab:
     def fail(self, error: Exception | str) -> None:
         """Say what went wrong, in the error's own sentence."""
         known = isinstance(error, (GseditError, str))
-        text = on_page(" ".join(str(error).split()))
+        text = on_page(error) if isinstance(error, Exception) else error
         if not known:
             kind = type(error).__name__
             text = f"internal error ({kind}: {text}); what was done before is kept"

@@ -13,14 +13,12 @@ from dataclasses import dataclass, fields
 from threading import Lock, Thread
 from typing import Any
 
-from gsedit.errors import GseditError
+from gsedit.errors import MOVES, GseditError, Said
 from gsedit.runs.events import Event
 
 PATIENCE = 5.0
 """Seconds that a cancelled command has for its checkpoint before it is killed."""
 _EVENT_FIELDS = frozenset(each.name for each in fields(Event))
-_SAYS = "gsedit: "
-"""Beginning of the line by which a command says why it failed."""
 
 
 class Cancelled(GseditError):
@@ -75,16 +73,16 @@ class Worker:
             running = self._running = Running(self._spare)
             self._spare = None
         try:
-            record, lines = _conversation(running.process, arguments, on_event, on_line)
+            told, lines = _conversation(running.process, arguments, on_event, on_line)
         finally:
             with self._lock:
                 self._running = None
             self.warm()
         if running.cancelled:
             raise Cancelled("cancelled")
-        if running.process.returncode:
-            raise GseditError(_sentence(lines, running.process.returncode))
-        return record
+        if code := running.process.returncode:
+            raise GseditError(_said(told.get("error"), lines, code))
+        return told.get("result", {})
 
     def cancel(self) -> bool:
         """End the command that runs, if any; it may write a checkpoint first. Whether one ran."""
@@ -124,7 +122,7 @@ def _conversation(
     on_event: Callable[[Event], None],
     on_line: Callable[[str], None],
 ) -> tuple[dict[str, Any], list[str]]:
-    """Tell a process its arguments and hear it to its end; the result's record, and messages."""
+    """Tell a process its arguments and hear it to its end; records by their type, and messages."""
     assert process.stdin is not None
     assert process.stdout is not None
     lines: list[str] = []
@@ -133,20 +131,20 @@ def _conversation(
     with suppress(BrokenPipeError):
         process.stdin.write(json.dumps(list(arguments)) + "\n")
         process.stdin.flush()
-    record: dict[str, Any] = {}
+    told: dict[str, Any] = {}
     for line in process.stdout:
         with suppress(json.JSONDecodeError):
-            told = json.loads(line)
-            kind = told.pop("type", "") if isinstance(told, dict) else ""
+            record = json.loads(line)
+            kind = record.pop("type", "") if isinstance(record, dict) else ""
             if kind == "event":
-                on_event(Event(**{k: v for k, v in told.items() if k in _EVENT_FIELDS}))
-            elif kind == "result":
-                record = told
+                on_event(Event(**{k: v for k, v in record.items() if k in _EVENT_FIELDS}))
+            else:
+                told[kind] = record
     process.wait()
     with suppress(OSError):
         process.stdin.close()
     reader.join()
-    return record, lines
+    return told, lines
 
 
 def _read_messages(
@@ -159,16 +157,16 @@ def _read_messages(
             on_line(told)
 
 
-def _sentence(lines: Sequence[str], code: int) -> str:
-    """The line by which a command said why it failed."""
-    told = [line.removeprefix(_SAYS) for line in lines if line.startswith(_SAYS)]
-    usage = [line for line in lines if line.startswith("gsedit ")]
-    if told or usage:
-        return (told or usage)[-1]
+def _said(error: dict[str, Any] | None, lines: Sequence[str], code: int) -> Said:
+    """Why a command failed: by its own record, or by how it ended."""
+    if error is not None and error["move"] in MOVES:
+        return Said(error["what"], error["move"], **error["values"])
     if code < 0:
         name = signal.Signals(-code).name
-        return f"the command was ended by {name}: if that was for memory, close other programs"
-    return lines[-1] if lines else f"the command ended with code {code} and said nothing"
+        return Said(
+            f"the command was ended by {name}: if that was for memory, close other programs"
+        )
+    return Said(lines[-1] if lines else f"the command ended with code {code} and said nothing")
 
 
 def _end(process: subprocess.Popen[str]) -> None:

@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 import gsedit
-from gsedit.errors import GseditError
+from gsedit.errors import GseditError, Said
 from gsedit.storage.atomic import atomic_path
 
 
@@ -136,9 +136,7 @@ def _died(task: str, code: int, log: Path) -> str:
     how = f"exit code {code}"
     if code < 0:
         how = signal.Signals(-code).name
-    hint = "see its log, and run the command again to go on"
+    what = f"COLMAP ended during {task} ({how})"
     if code == -9:
-        hint = (
-            "perhaps the memory ran out: try a smaller --size, and run the command again to go on"
-        )
-    return f"COLMAP ended during {task} ({how}); {hint}: {log}"
+        return Said(f"{what}, see {log}; perhaps the memory ran out", "memory-again")
+    return f"{what}; see its log, and run the command again to go on: {log}"

@@ -13,6 +13,7 @@ from pages import COMMAND, make_page, until
 
 from gsedit.app import document as documents
 from gsedit.app.document import Pending
+from gsedit.app.moves import on_page
 from gsedit.app.opening import earlier, go_on, make_scene, open_path
 from gsedit.app.receiving import receive
 from gsedit.app.worker import Cancelled, Worker
@@ -27,7 +28,7 @@ class Ear:
 
     def __init__(self, page):
         self.told: list[str] = []
-        page.say, page.fail = self.told.append, lambda error: self.told.append(str(error))
+        page.say, page.fail = self.told.append, lambda error: self.told.append(on_page(error))
 
 
 def idle(page):
@@ -82,7 +83,7 @@ def test_a_failing_command_is_told_by_its_sentence_and_changes_nothing(opened):
     ear, before = Ear(opened), opened.document.steps
     step(opened, "bad", "--fail")
     until(lambda: ear.told)
-    assert ear.told == ["no such thing: name another"]
+    assert ear.told == ["no such thing: use the camera's own files with EXIF"]
     assert opened.document.steps == before
 
 

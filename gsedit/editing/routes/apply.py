@@ -15,7 +15,7 @@ from gsedit.datasets.dataset import evenly_spaced
 from gsedit.editing.routes.named import FindNamed, FindRegion, regions_of
 from gsedit.editing.routes.objects import apply_objects, carry_masks, group_placements, key_of
 from gsedit.editing.routes.tone import toned
-from gsedit.errors import UsageError
+from gsedit.errors import Said, UsageError
 from gsedit.formats.registry import open_scene
 from gsedit.light.named import setup_of
 from gsedit.light.relight import relit
@@ -104,10 +104,7 @@ def _changed(
 ) -> Dressed:
     """The scene as `apply_change` makes it, with remarks for a person."""
     if not region.inside.any():
-        raise UsageError(
-            f"{change} would change no Gaussian: name what should change with --region, "
-            "and look at it with gsedit render SCENE --region ..."
-        )
+        raise UsageError(Said(f"{change} would change no Gaussian", "select-change"))
     table, inside = table_of(scene), region.inside.cpu().numpy()
     match change.route:
         case "tone":

@@ -16,7 +16,7 @@ from gsedit.editing.session.edit_views import find_ground_truth
 from gsedit.editing.session.progress import EditedViews, Work
 from gsedit.editing.session.session import Session
 from gsedit.editing.view_plan import ViewPlan
-from gsedit.errors import UsageError
+from gsedit.errors import Said, UsageError
 from gsedit.fitting.crops import ListedCrops
 from gsedit.runs.state import State, check_same, restoring, tensor_like
 from gsedit.runs.stopwatch import Stopwatch
@@ -60,10 +60,8 @@ def session_state(session: Session) -> State:
 def check_resumable(state: State, request: Mapping[str, Any]) -> None:
     """Raise UsageError where the state is of another version, or of another `request_record`."""
     if state.record.get("edit_format") != FORMAT:
-        raise UsageError(
-            "the checkpoint of this edit was written by another version of gsedit: go on with that "
-            "version, or leave --resume out and add -f to start again"
-        )
+        what = "the checkpoint of this edit was written by another version of gsedit"
+        raise UsageError(Said(what, "begin-again"))
     with restoring(state):
         check_same(request, state.record["request"], "edit")
 
