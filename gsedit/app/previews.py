@@ -14,8 +14,7 @@ import torch
 from jaxtyping import UInt8
 
 from gsedit.app.frames import SMALL_SCENE
-from gsedit.app.loaded import Loaded
-from gsedit.app.memory import give_back
+from gsedit.app.loaded import Loaded, give_back
 from gsedit.app.reading import Reading, editor_2d, read
 from gsedit.editing.preview import SHOWN_PIXELS, preview_edited
 from gsedit.editing.routes.apply import Routed, is_exact

@@ -14,13 +14,12 @@ from pages import COMMAND, make_page, until
 from gsedit.app import document as documents
 from gsedit.app.document import Pending
 from gsedit.app.moves import on_page
-from gsedit.app.opening import earlier, go_on, make_scene, open_path
-from gsedit.app.receiving import receive
+from gsedit.app.opening import earlier, go_on, make_scene, open_path, receive
 from gsedit.app.worker import Cancelled, Worker
 from gsedit.errors import GseditError, UsageError
 from gsedit.formats.scenes import save
 from gsedit.select.region import read_flags
-from gsedit.select.saved import save_named
+from gsedit.select.saved import save_named, saved_names
 
 
 class Ear:
@@ -70,7 +69,7 @@ def test_a_selection_lasts_as_long_as_the_gaussians_do(opened):
     save_named(flags.numpy(), opened.scene.means.numpy(), opened.scene_file, "paw")
     step(opened, "paint it", verb="edit")
     assert opened.selection is flags
-    assert opened.names() == ("paw",)
+    assert saved_names(opened.scene_file) == ("paw",)
     assert opened.selection_file().is_file()
     with pytest.raises(UsageError, match="once more"):
         opened.select(flags[:5])
@@ -274,7 +273,7 @@ def test_what_is_no_scene_is_refused_with_the_next_move(page, tmp_path):
 
 
 def test_scenes_in_memory_are_bounded(opened, monkeypatch):
-    monkeypatch.setattr("gsedit.app.scenes.KEPT_GAUSSIANS", 700)
+    monkeypatch.setattr("gsedit.app.loaded.KEPT_GAUSSIANS", 700)
     for title in ("a", "b", "c"):
         step(opened, title)
     assert len(opened._scenes) == 2

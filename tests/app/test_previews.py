@@ -12,9 +12,9 @@ from gsedit.app.document import Step, applied
 from gsedit.app.loaded import Loaded
 from gsedit.app.opening import open_path
 from gsedit.app.panels.say import Say
+from gsedit.app.panels.select import Clicks, grown
 from gsedit.app.previews import Previewer
 from gsedit.app.reading import read
-from gsedit.app.selections import Clicks, grown
 from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.errors import UsageError
 from gsedit.scene.picture import render_picture

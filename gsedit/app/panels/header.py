@@ -7,8 +7,16 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gsedit.app.opening import EARLIER, QUALITIES, earlier, go_on, make_scene, open_path, waits
-from gsedit.app.receiving import receive
+from gsedit.app.opening import (
+    EARLIER,
+    QUALITIES,
+    earlier,
+    go_on,
+    make_scene,
+    open_path,
+    receive,
+    waits,
+)
 from gsedit.capture.folder import PICTURES
 
 if TYPE_CHECKING:
