@@ -15,8 +15,13 @@ from typing import NamedTuple
 
 import torch
 
-from gsedit.bench.provenance import Provenance, provenance
-from gsedit.bench.results import markdown_table, write_measurements, write_text
+from gsedit.bench.results import (
+    Provenance,
+    markdown_table,
+    provenance,
+    write_measurements,
+    write_text,
+)
 from gsedit.datasets.dataset import Dataset, View
 from gsedit.datasets.load import load_dataset
 from gsedit.errors import UsageError

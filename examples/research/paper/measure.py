@@ -13,8 +13,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.bench.edit import EXACT, Observed, Observer, nearest_truth
-from gsedit.bench.provenance import provenance
+from gsedit.bench.results import provenance
 from gsedit.diffusion.sampler import levels_of
 from gsedit.editing.edit import edit_steps
 from gsedit.editing.session.actions import Strategy
@@ -32,6 +31,7 @@ from gsedit.fitting.settings import UpdateSettings
 from gsedit.measures.decibels import rmse_from_psnr
 from research.paper.arms import PAPER, PAPER_T_END
 from research.paper.cases import load_case
+from research.paper.observe import EXACT, Observed, Observer, nearest_truth
 from research.paper.runs import Case, Record, Run, read_record, write_record
 from research.paper.varied import Varied
 
