@@ -363,7 +363,7 @@ def run_and_write(
     """
     from gsedit.editing.session.folder import write_edit
     from gsedit.measures.against import UNFINISHED
-    from gsedit.pictures.stage_table import table
+    from gsedit.pictures.figures import table
     from gsedit.runs.events import Checkpoint, Event
     from gsedit.runs.journal import event_journal
 

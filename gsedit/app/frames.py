@@ -1,4 +1,8 @@
-"""Pictures for one tab: the newest camera only, coarse while it moves, full when it rests."""
+"""Pictures for one tab: one scene, two with a wipe between them, or two beside each other.
+
+Only the newest camera is drawn, coarse while it moves and in full when it rests; of short work
+that is asked for meanwhile only the latest of each kind counts.
+"""
 
 from __future__ import annotations
 

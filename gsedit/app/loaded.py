@@ -55,8 +55,9 @@ between them reads nothing again."""
 class Scenes:
     """Scenes by their files, each read once while there is room."""
 
-    def __init__(self) -> None:
-        """Begin without any scene."""
+    def __init__(self, most: int = KEPT_GAUSSIANS) -> None:
+        """Begin without any scene; keep `most` Gaussians beside the newest."""
+        self._most = most
         self._scenes: dict[Path, Loaded] = {}
         self._lock = RLock()
 
@@ -69,7 +70,7 @@ class Scenes:
         with self._lock:
             found = self._scenes.pop(file, None) or read(file)
             self._scenes[file] = found
-            most = KEPT_GAUSSIANS + len(found.scene)
+            most = self._most + len(found.scene)
             while sum(len(each.scene) for each in self._scenes.values()) > most:
                 self._scenes.pop(next(iter(self._scenes)))
             return found

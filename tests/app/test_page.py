@@ -6,6 +6,7 @@ import sys
 import time
 from dataclasses import replace
 from pathlib import Path
+from shutil import copyfile
 
 import pytest
 import torch
@@ -13,6 +14,7 @@ from pages import COMMAND, make_page, until
 
 from gsedit.app import document as documents
 from gsedit.app.document import Pending
+from gsedit.app.loaded import Scenes
 from gsedit.app.moves import on_page
 from gsedit.app.opening import earlier, go_on, make_scene, open_path, receive
 from gsedit.app.worker import Cancelled, Worker
@@ -272,11 +274,11 @@ def test_what_is_no_scene_is_refused_with_the_next_move(page, tmp_path):
     assert not list(tmp_path.glob("*.session"))
 
 
-def test_scenes_in_memory_are_bounded(opened, monkeypatch):
-    monkeypatch.setattr("gsedit.app.loaded.KEPT_GAUSSIANS", 700)
-    for title in ("a", "b", "c"):
-        step(opened, title)
-    assert len(opened._scenes) == 2
+def test_scenes_in_memory_are_bounded(scene):
+    scenes = Scenes(most=700)
+    for name in ("a.ply", "b.ply", "c.ply"):
+        scenes.load(Path(copyfile(scene, scene.with_name(name))))
+    assert len(scenes) == 2
 
 
 def test_a_worker_hands_over_events_and_ends_with_its_page():

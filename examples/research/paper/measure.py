@@ -26,8 +26,7 @@ from gsedit.editor_protocol import Editor
 from gsedit.editors import make_editor
 from gsedit.editors.looks.recipe import parse
 from gsedit.editors.sampling import DiffusionEditor
-from gsedit.fitting.loss_terms import LossTerm
-from gsedit.fitting.settings import UpdateSettings
+from gsedit.fitting.settings import LossTerm, UpdateSettings
 from gsedit.measures.decibels import rmse_from_psnr
 from research.paper.arms import PAPER, PAPER_T_END
 from research.paper.cases import load_case
