@@ -15,7 +15,7 @@ def render_measurement(**fields) -> RenderMeasurement:
         scene="columns", implementation="gsedit", knob="default", value="", gaussians=1000,
         width=64, height=48, pairs=5000, evaluated=320_000, dtype="float32",
         threads=2, runs=5, forward_wall=0.030, forward_cpu=0.055, both_wall=0.090, both_cpu=0.160,
-        yardstick=0.015, error_mean=8e-8, error_tail=2e-6, error_max=3e-4, gradient_error=2e-5,
+        error_mean=8e-8, error_tail=2e-6, error_max=3e-4, gradient_error=2e-5,
         gradient_cosine=1 - 1e-9, peak_bytes=50_000_000, note="", commit="abc1234",
         machine="A processor, 2 cores, torch 2.13.0", date="2026-01-02T03:04:05+00:00",
     )  # fmt: skip

@@ -315,7 +315,7 @@ def run_and_show(
     begin with the `earlier` ones of a resumed edit.
     """
     from gsedit.measures.against import UNFINISHED
-    from gsedit.pictures.stage_table import table
+    from gsedit.pictures.figures import table
     from gsedit.runs.events import Checkpoint, Event
     from gsedit.runs.journal import event_journal
 

@@ -78,7 +78,7 @@ def show_summary(
 
     summary, sample = summarise(source)
     if plot is not None:
-        from gsedit.pictures.histograms import plot_histograms
+        from gsedit.pictures.scene_table import plot_histograms
 
         plot_histograms(sample, scene.name, plot, overwrite=force)
     size = bytes_of(source.path)

@@ -14,9 +14,9 @@ from pathlib import Path
 from typing import Any
 
 from gsedit.app.guard import Guard
+from gsedit.app.opening import TAKEN
 from gsedit.app.page import Page
 from gsedit.app.panels import add_panels
-from gsedit.app.receiving import TAKEN
 from gsedit.app.tab import Tab
 from gsedit.pictures.viewer.libraries import LOOPBACK, guarded, import_viser
 

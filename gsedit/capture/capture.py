@@ -137,7 +137,7 @@ def capture_steps(source: Path, out: Path, settings: CaptureSettings) -> Progres
     count, posed = len(prepared.photos), work.posed
     if not work.is_usable:
         raise InputError(
-            f"{source}: {posed or 'none'} of {count} photos could be posed: {work.cause()}"
+            f"{source}: {posed or 'none'} of {count} photos could be posed: " + work.cause()
         )
     result = yield from _finish(work, out)
     if result.missing:
@@ -226,7 +226,8 @@ class _Mapping:
                     return
                 posed = self.posed or "none"
                 yield Line(
-                    f"{posed} of {count} photos posed: trying again with {name} (--no-retries: not)"
+                    f"{posed} of {count} photos posed: trying again with {name}",
+                    "--no-retries: not",
                 )
             before = self.evidence
             database, key = yield from self._match(attempt)

@@ -158,6 +158,8 @@ class Line:
     """Something that the user should know, in one line."""
 
     text: str
+    option: str = ""
+    """An option that changes it, for who types some."""
 
 
 LOG = "colmap.log"

@@ -16,7 +16,7 @@ from jaxtyping import Bool, Float, Float64, Int
 from scipy.ndimage import distance_transform_edt
 from torch import Tensor
 
-from gsedit.errors import UsageError
+from gsedit.errors import Said, UsageError
 from gsedit.scene.quantiles import extent_of, weighted_quantile
 from gsedit.select.graph import Neighbors, smooth
 from gsedit.select.layers import level_patches
@@ -292,9 +292,8 @@ class Selector:
         label = int(self._by_label(weights).argmax())
         kind = self._found.rows[label].kind
         if kind in ("background", "sky"):
-            raise UsageError(
-                f"the click is on the {kind}: click on an object, or say --phrase 'the {kind}'"
-            )
+            what = f"the click is on the {kind}: click on an object"
+            raise UsageError(Said(what, "select-kind", kind=kind))
         return label
 
     def _by_label(self, weights: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " s"]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import lru_cache
 
+from gsedit.errors import Said
 from gsedit.words.instruction import Change
 from gsedit.words.looks import Look
 from gsedit.words.read import read_instruction
@@ -41,18 +42,12 @@ def looks_asked(sentence: str) -> Understanding:
 def _unfit(change: Change, look: Look | None) -> str:
     """Why a look of `small` does not do a change; "" where it does."""
     if change.phrase not in ("", "it"):
-        return f"small does not know {change.phrase!r}: mark it with --region, and say 'it'"
+        return Said(f"small does not know {change.phrase!r}", "select")
     if look is None:
-        own = " gsedit does it without a 2D editor: leave the options of editors out."
         able = change.route not in ("small", "pix2pix")
-        return (
-            f"small has no look for {change} (gsedit list looks).{own * able} For any sentence: "
-            "--editor pix2pix --model FOLDER"
-        )
+        return Said(f"small has no look for {change}", "looks-exact" if able else "looks")
     if change.target == "background" or (look.scope == "subject" and change.target == "scene"):
         part = "the subject" if look.scope == "subject" else "the whole picture"
-        return (
-            f"{change}: the look {look.name} of small changes {part}. Ask for it alone, as in "
-            f"{look.wording!r}, and mark what may change with --region"
-        )
+        what = f"{change}: the look {look.name} of small changes {part}"
+        return Said(f"{what}. Ask for it alone, as in {look.wording!r}", "select-too")
     return ""

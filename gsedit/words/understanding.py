@@ -54,7 +54,7 @@ class Understanding:
 def not_understood(editor: str, prompt: str, nearest: Understanding) -> str:
     """Why an editor that knows only these looks refuses an instruction, and what to do instead."""
     if not nearest.looks:
-        return f"{prompt.strip()!r}: {nearest.why}"
+        return f"{prompt.strip()!r}: " + nearest.why
     guess = f"{nearest} ({nearest.looks[0].score:.2f})"
     return (
         f"{prompt.strip()!r} asks for no look that {editor} knows; the nearest is {guess}. "

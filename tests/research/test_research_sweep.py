@@ -66,7 +66,7 @@ def test_settings_draw_what_they_say():
 
 
 def plan(*knobs: str) -> sweep.SweepPlan:
-    return sweep.SweepPlan(knobs, runs=1, pieces=1)
+    return sweep.SweepPlan(knobs, runs=1)
 
 
 def fog() -> speed.Workload:
@@ -138,7 +138,7 @@ def test_a_renderers_warning_is_the_note(tiny, monkeypatch):
 
 def test_a_picture_of_nan_is_noted(tiny):
     broken = accuracy.Errors(nan, nan, nan)
-    measured = ("runs", "wall", "cpu", "yardstick", "error", "gradient_", "peak", "note")
+    measured = ("runs", "wall", "cpu", "error", "gradient_", "peak", "note")
     fields = {
         name: value
         for name, value in asdict(render_measurement()).items()

@@ -6,8 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from statistics import fmean
 
-from gsedit.bench.provenance import Provenance, provenance
-from gsedit.bench.results import markdown_table
+from gsedit.bench.results import Provenance, markdown_table, provenance
 
 SENTENCES = ("phrase", "refusal")
 """Tasks that are told in sentences instead of a table."""

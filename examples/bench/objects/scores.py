@@ -12,7 +12,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from gsedit.measures.metrics import NEAREST, fidelity, psnr
+from gsedit.measures.metrics import NEAREST, perceptual, psnr, ssim
 
 CHANGES = 2 / 255
 """Difference of exact pictures that counts as a change."""
@@ -60,11 +60,10 @@ def scores(
     """
     changed = truth.changed
     boxes = [_box(*views) for views in zip(result, truth.after, changed) if views[2].any()]
-    near = [fidelity(image, target) for image, target in boxes]
-    distances = [each.perceptual for each in near if each.perceptual is not None]
+    distances = [each for box in boxes if (each := perceptual(*box)) is not None]
     return {
         "changed_psnr": decibels(result, truth.after, changed),
-        "changed_ssim": fmean(each.ssim for each in near) if near else None,
+        "changed_ssim": fmean(ssim(*box) for box in boxes) if boxes else None,
         "changed_perceptual": fmean(distances) if distances else None,
         "outside_psnr": decibels(result, given, ~changed),
         "hole_psnr": decibels(result, truth.after, truth.hole),

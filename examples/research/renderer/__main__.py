@@ -10,7 +10,6 @@ from typing import Annotated
 
 import typer
 
-from gsedit.bench.measure import PIECES, QUICK_PIECES
 from gsedit.bench.renderer.speed import Workload
 from gsedit.bench.results import write_measurements, write_text
 from gsedit.runs.events import Event
@@ -51,7 +50,7 @@ def renderer(
     Writes bench.jsonl, bench.md and a plot; those of an earlier run are replaced.
     """
     names = tuple(KNOBS) if knobs is None else parse_knobs(knobs)
-    plan = SweepPlan(names, runs, quick=quick, pieces=QUICK_PIECES if quick else PIECES)
+    plan = SweepPlan(names, runs, quick=quick)
     if points is None:
         print_message("the garden is left out: give its points with --points FILE or GSEDIT_GARDEN")
     workloads = standard_workloads(scenes or [], points, quick=quick)

@@ -42,8 +42,6 @@ class RenderMeasurement:
     both_wall: float | None
     """Forward and backward, to the gradients of the scene."""
     both_cpu: float | None
-    yardstick: float | None
-    """Seconds of a pass of the yardstick (see measure.py), between the same runs."""
     error_mean: float | None
     """Mean error of colors in [0, 1] against the float64 reference, over pixels and channels."""
     error_tail: float | None
@@ -71,8 +69,8 @@ class RenderMeasurement:
 
 
 HEAD = (
-    "", "fwd ms", "Y", "CPU Y", "both ms", "Y", "CPU Y", "mean error", "99.9 %", "max",
-    "gradients", "1 - cos", "peak MB", "n",
+    "", "fwd ms", "CPU ms", "both ms", "CPU ms", "mean error", "99.9 %", "max", "gradients",
+    "1 - cos", "peak MB", "n",
 )  # fmt: skip
 
 
@@ -88,11 +86,9 @@ def table(rows: Iterable[RenderMeasurement]) -> str:
 
 _LEGEND = (
     "Times are medians of n runs, projection and sorting included; both: forward and backward, to "
-    "the gradients of every input, the pose too. Y: the time of the arithmetic of 25,000,000 "
-    "pixel-Gaussian pairs on the same threads between the same runs; CPU Y: seconds of all threads "
-    "together, in Y. Errors are of colors in [0, 1] against the float64 reference, which has "
-    "no early stop and no tiles; gradients: relative L2 error, and 1 - cosine, of the worst "
-    "input. Peak memory of both, above the inputs."
+    "the gradients of every input, the pose too; CPU: all threads together. Errors are of colors "
+    "in [0, 1] against the float64 reference, which has no early stop and no tiles; gradients: "
+    "relative L2 error, and 1 - cosine, of the worst input. Peak memory of both, above the inputs."
 )
 
 
@@ -110,11 +106,6 @@ def _millions(count: int) -> str:
 
 
 def _cells(row: RenderMeasurement) -> list[str]:
-    unit = row.yardstick
-
-    def units(seconds: float | None) -> str:
-        return "" if seconds is None or not unit else f"{seconds / unit:.1f}"
-
     def milliseconds(seconds: float | None) -> str:
         return "" if seconds is None else f"{1e3 * seconds:.3g}"
 
@@ -124,8 +115,8 @@ def _cells(row: RenderMeasurement) -> list[str]:
     gap = None if row.gradient_cosine is None else 1 - row.gradient_cosine
     return [
         f"**{row.label}**" if row.label == "default" else row.label,
-        milliseconds(row.forward_wall), units(row.forward_wall), units(row.forward_cpu),
-        milliseconds(row.both_wall), units(row.both_wall), units(row.both_cpu),
+        milliseconds(row.forward_wall), milliseconds(row.forward_cpu),
+        milliseconds(row.both_wall), milliseconds(row.both_cpu),
         error(row.error_mean), error(row.error_tail), error(row.error_max),
         error(row.gradient_error), error(gap),
         "" if row.peak_bytes is None else f"{row.peak_bytes / 1e6:.0f}",

@@ -5,11 +5,10 @@ A pair is a Gaussian in a tile's list, a pixel-pair a Gaussian at a pixel of suc
 
 from __future__ import annotations
 
-from math import log
 from typing import NamedTuple
 
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from torch import Tensor
 
 from rasterizer import Camera, Execution, Gaussians, Numerics
@@ -48,32 +47,3 @@ def listed_pairs(
     bins = bin_gaussians(scene, camera, numerics, execution).bins
     tiled = len(bins.members)
     return tiled, tiled * bins.size**2
-
-
-@torch.no_grad()
-def nearest_to_floor(
-    scene: Gaussians,
-    camera: Camera,
-    pixels: Int[Tensor, "p 2"],
-    numerics: Numerics = DEFAULT,
-) -> Float[Tensor, " p"]:
-    """Least relative distance of a Gaussian's alpha from the floor, at each pixel (row, column).
-
-    At most 1. Near 0, a rounding decides whether a step of alpha_min is drawn. In float64, without
-    tiles.
-    """
-    binned = bin_gaussians(scene.to(torch.float64), camera, numerics)
-    w0, w1, w2 = binned.whitening.unbind(-1)
-    nearest = [torch.ones(0, dtype=torch.float64)]
-    for some in pixels.split(32):
-        dx, dy = (some.flip(-1)[:, None] + 0.5 - binned.xy).unbind(-1)
-        power = 0.5 * ((w0 * dx).square() + (w1 * dx + w2 * dy).square())
-        excess = binned.log_opacities - power - numerics.log_alpha_min
-        nearest.append(_least(excess))
-    return torch.cat(nearest)
-
-
-def _least(excess: Float[Tensor, "p n"]) -> Float[Tensor, " p"]:
-    """Relative distance of the alpha whose logarithm is nearest; at most 1."""
-    limit = excess.new_full((len(excess), 1), log(2))
-    return torch.expm1(torch.cat((excess.abs(), limit), -1).amin(-1))

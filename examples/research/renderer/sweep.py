@@ -12,10 +12,10 @@ from typing import Any
 
 import torch
 
-from gsedit.bench.measure import PIECES, Timing, timed
-from gsedit.bench.provenance import provenance
 from gsedit.bench.renderer.accuracy import Drawn, Errors, differentiate, errors, reference_of
 from gsedit.bench.renderer.speed import Workload
+from gsedit.bench.results import provenance
+from gsedit.bench.timing import Timing, timed
 from gsedit.runs.events import Event
 from gsedit.runs.stopwatch import Stopwatch
 from rasterizer import Gaussians
@@ -36,8 +36,6 @@ class SweepPlan:
     """Two values a knob: the first and the last."""
     budget: float = 2.5
     """Seconds after which a timing begins no further run."""
-    pieces: int = PIECES
-    """Number of pieces of a yardstick pass."""
 
 
 def sweep(
@@ -102,7 +100,7 @@ class _WorkloadBench:
 
     def timed(self, work: Callable[[], Any]) -> tuple[Timing, Any]:
         """Timing and last result of a piece of work, as often as planned."""
-        return timed(work, self.plan.runs, self.plan.budget, self.plan.pieces)
+        return timed(work, self.plan.runs, self.plan.budget)
 
     def peak(self, drawing: Callable, scene: Gaussians) -> tuple[int | None, str]:
         """Peak memory of forward and backward in bytes, or None and the reason."""
@@ -152,7 +150,6 @@ def _measurement(
         forward_cpu=forward and forward.cpu,
         both_wall=both and both.wall,
         both_cpu=both and both.cpu,
-        yardstick=longest and longest.yardstick,
         error_mean=wrong and wrong.mean,
         error_tail=wrong and wrong.tail,
         error_max=wrong and wrong.largest,

@@ -1,7 +1,7 @@
 """Targets of the renderer that its engineers watch: `python -m research.renderer.targets`.
 
-Beside those of `gsedit bench targets`: errors away from the alpha floor, the choice of tiles,
-crops, scaling with the number of pairs, and steps of a fit beside other programs.
+Beside those of `gsedit bench targets`: the choice of tiles, crops, and scaling with the number of
+pairs.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import pairwise, product
+from itertools import pairwise
 from math import isqrt
 from pathlib import Path
 from typing import Annotated
@@ -17,19 +17,19 @@ from typing import Annotated
 import torch
 import typer
 
-from gsedit.bench.measure import Timing, timed, timed_together
-from gsedit.bench.renderer.accuracy import Drawn, differentiate, draw_color, reference_of
-from gsedit.bench.renderer.speed import GARDEN_SCALES, Workload, garden, kernels, smaller, synthetic
-from gsedit.bench.renderer.targets import (
-    FULL,
-    QUICK,
-    STOPS,
-    Size,
-    Target,
-    executions,
+from gsedit.bench.renderer.accuracy import differentiate, draw_color
+from gsedit.bench.renderer.speed import (
+    GARDEN_SCALES,
+    Speed,
+    Workload,
+    garden,
+    kernels,
     measure_targets,
-    table,
+    smaller,
+    synthetic,
 )
+from gsedit.bench.results import commit, machine, markdown_table
+from gsedit.bench.timing import Timing, timed, timed_together
 from gsedit.runs.events import Event
 from gsedit.runs.stopwatch import Stopwatch
 from rasterizer import render
@@ -38,48 +38,51 @@ from rasterizer.project import Box
 from rasterizer.tiles import TILE_SIZES
 from research.command import Points, Quick, collect, print_result, run
 from research.curves import slope
-from research.renderer.pairs import listed_pairs, nearest_to_floor
-from research.renderer.sharing import measure_sharing
+from research.renderer.pairs import listed_pairs
 from research.renderer.worker import Worker, WorkerError, peak_memory
 from research.renderer.workloads import cloud, fitted
 
 LARGEST = 1.5e9
 """Bytes above the inputs, of the largest cloud forward and backward."""
-ALONE, TWO_FITS, BUSY = 0.95, 0.85, 0.6
-"""Steps of fits in a second: of one alone whose threads wait as libgomp's do by themselves; and of
-one alone, by two at once and by one beside a busy loop."""
-ROUNDING = 1e-3
-"""Relative rounding of an alpha: a place 500 pixels from the corner is rounded to 3e-5 pixels in
-float32, and the exponent at the floor changes by up to sqrt(2 ln 255) / sqrt(0.3) = 6 a pixel, two
-coordinates and the sums besides. By chance one pixel in thirty has such an alpha."""
+
+
+@dataclass(frozen=True)
+class Target:
+    """One target, and what this machine reaches."""
+
+    name: str
+    required: str
+    measured: str
+    reached: bool | None
+    """None: it could not be measured here; `measured` holds the reason."""
 
 
 @dataclass(frozen=True)
 class Extent:
     """How much is measured."""
 
-    size: Size = FULL
+    runs: int = 7
+    shrink: int = 1
+    """Stride through the Gaussians and pixels of each scene."""
     clouds: tuple[int, ...] = (1_000, 4_000, 16_000, 64_000, 250_000, 1_000_000)
     """Gaussians; the last is drawn at 1920x1080, the others with as many pixels a Gaussian."""
-    fit_seconds: float = 8.0
-    """How long steps of a fit are counted."""
 
 
 WHOLE = Extent()
-SHORT = Extent(QUICK, clouds=(1_000, 2_000, 4_000), fit_seconds=1.0)
+SHORT = Extent(2, 16, clouds=(1_000, 2_000, 4_000))
 
 
 def measure_further(
-    extent: Extent, points: Path | None, scenes: Sequence[Path], cache: Path | None = None
+    extent: Extent, points: Path | None, scenes: Sequence[Path]
 ) -> Iterator[Event | Target]:
     """Every target that `gsedit bench targets` lacks, and events that name the next ones."""
-    stopwatch, size = Stopwatch(), extent.size
+    stopwatch = Stopwatch()
     gardens = {} if points is None else {s: garden(s, points) for s in GARDEN_SCALES}
     workloads = [*gardens.values(), *(fitted(path) for path in scenes), *synthetic()]
-    if size.shrink > 1:
-        workloads = [smaller(one, size.shrink) for one in workloads]
+    if extent.shrink > 1:
+        workloads = [smaller(one, extent.shrink) for one in workloads]
         gardens = dict(zip(gardens, workloads))
-    jobs = _jobs(gardens, workloads, extent, cache)
+    jobs = _jobs(gardens, workloads, extent)
     for step, (name, job) in enumerate(jobs):
         yield Event("targets", stopwatch.seconds, step, len(jobs), note=name)
         yield from job()
@@ -90,53 +93,41 @@ def _jobs(
     gardens: Mapping[float, Workload],
     workloads: Sequence[Workload],
     extent: Extent,
-    cache: Path | None,
 ) -> list[tuple[str, Callable[[], list[Target]]]]:
     """List the measurements by name, in order."""
-    size = extent.size
+    runs = extent.runs
     jobs: list[tuple[str, Callable[[], list[Target]]]] = [
-        (f"floor, {one.name}", partial(floor_targets, one, cache)) for one in gardens.values()
+        (f"tile size, {one.name}", partial(tile_targets, one, runs)) for one in workloads
     ]
-    jobs += [(f"tile size, {one.name}", partial(tile_targets, one, size)) for one in workloads]
     if gardens:
-        jobs.append(("crop", partial(crop_targets, gardens[1.0], size)))
+        jobs.append(("crop", partial(crop_targets, gardens[1.0], runs)))
     jobs.append(("memory and scaling", partial(scaling_targets, extent)))
-    jobs.append(("beside other programs", partial(sharing_targets, extent)))
     return jobs
 
 
-def floor_targets(workload: Workload, cache: Path | None) -> list[Target]:
-    """Errors of both kernels away from the floor, with and without the early stop."""
-    reference = reference_of(workload.scene, workload.camera, cache)
-    targets = []
-    for (name, (numerics, _, tail)), kernel in product(STOPS.items(), kernels()):
-        drawing = partial(draw_color, numerics=numerics, execution=replace(AUTO, kernel=kernel))
-        drawn = differentiate(drawing, workload.scene, workload.camera)
-        label = f"{workload.name}, {kernel}, {name}"
-        targets.append(larger_errors_target(label, workload, drawn, reference, tail))
-    return targets
+def executions() -> dict[str, Execution]:
+    """By the name of each kernel that there is on this machine."""
+    return {kernel: replace(AUTO, kernel=kernel) for kernel in kernels()}
 
 
-def larger_errors_target(
-    label: str, workload: Workload, drawn: Drawn, reference: Drawn, limit: float
-) -> Target:
-    """Each pixel with an error above the limit must have an alpha within rounding of the floor."""
-    error = (drawn.picture.double() - reference.picture).abs().amax(-1)
-    pixels = (error > limit).nonzero()
-    nearest = nearest_to_floor(workload.scene, workload.camera, pixels)
-    unexplained = int((nearest > ROUNDING).sum())
-    measured = f"{unexplained} of {len(pixels)} such pixels, the largest error {error.max():.1e}"
-    name = f"{label}: errors above {limit:.1e} away from the floor"
-    return Target(name, "0", measured, unexplained == 0)
+def target_of(row: Speed) -> Target:
+    """A measured speed as a target."""
+    measured = (
+        f"{row.wall:.1f}x, CPU {row.cpu:.1f}x ({1e3 * row.seconds:.1f} ms; errors: colors "
+        f"{row.error:.1e}, gradients {row.gradient or 0:.1e})"
+    )
+    required = "-" if row.goal is None else f"{row.goal:g}x"
+    name = f"{row.case}, {row.kernel}, times as fast as the reference"
+    return Target(name, required, measured, row.reached)
 
 
-def tile_targets(workload: Workload, size: Size) -> list[Target]:
+def tile_targets(workload: Workload, runs: int) -> list[Target]:
     """Forward and backward with the chosen tile size, against the best of all sizes."""
     jobs = {}
     for side in TILE_SIZES:
         drawing = partial(draw_color, execution=replace(AUTO, tile_size=side))
         jobs[side] = partial(differentiate, drawing, workload.scene, workload.camera)
-    timings, _ = timed_together(jobs, size.runs, pieces=size.pieces)
+    timings, _ = timed_together(jobs, runs)
     best = min(TILE_SIZES, key=lambda side: timings[side].wall)
     pairs, pixels = listed_pairs(workload.scene, workload.camera)
     chosen = isqrt(pixels // max(1, pairs))
@@ -146,7 +137,7 @@ def tile_targets(workload: Workload, size: Size) -> list[Target]:
     return [Target(f"{workload.name}: tile choice", "1.1 of the best", measured, ratio <= 1.1)]
 
 
-def crop_targets(workload: Workload, size: Size) -> list[Target]:
+def crop_targets(workload: Workload, runs: int) -> list[Target]:
     """Four quarters of a picture, one after the other, against the whole of it."""
     camera = workload.camera
     width, height = camera.width // 2, camera.height // 2
@@ -158,27 +149,10 @@ def crop_targets(workload: Workload, size: Size) -> list[Target]:
                 render(workload.scene, camera, crop=box)
 
     jobs = {"whole": partial(crops, [None]), "quarters": partial(crops, quarters)}
-    timings, _ = timed_together(jobs, size.runs, pieces=size.pieces)
+    timings, _ = timed_together(jobs, runs)
     ratio = timings["quarters"].wall / timings["whole"].wall
     measured = f"{ratio:.2f} of the whole"
     return [Target("four quarters as crops, forward", "1.5 of the whole", measured, ratio <= 1.5)]
-
-
-def sharing_targets(extent: Extent) -> list[Target]:
-    """Steps of fits alone, two at once, and beside a busy loop."""
-    targets = []
-    for kernel, execution in executions().items():
-        shared = measure_sharing(execution.kernel, extent.size.runs, extent.fit_seconds)
-        rows = (
-            ("fit alone, of one whose threads spin for long", ALONE, 1 / shared.spinning),
-            ("two fits at once, of one alone", TWO_FITS, shared.two),
-            ("fit beside a busy loop, of one alone", BUSY, shared.busy),
-        )
-        targets += [
-            Target(f"{name}, {kernel}, steps", f"{least:g}", f"{ratio:.2f}", ratio >= least)
-            for name, least, ratio in rows
-        ]
-    return targets
 
 
 @dataclass(frozen=True)
@@ -197,7 +171,7 @@ def scaling_targets(extent: Extent) -> list[Target]:
     targets = []
     for kernel, execution in executions().items():
         with Worker() as worker:
-            costs = [_cloud_cost(n, extent.size, worker, execution) for n in extent.clouds]
+            costs = [_cloud_cost(n, extent.runs, worker, execution) for n in extent.clouds]
         last = costs[-1]
         pairs = f"{kernel}, forward + backward, {costs[0].pairs:.2g} to {last.pairs:.2g} pairs"
         picture = "x".join(map(str, pixels_for(extent.clouds[-1])))
@@ -217,12 +191,12 @@ def scaling_targets(extent: Extent) -> list[Target]:
     return targets
 
 
-def _cloud_cost(count: int, size: Size, worker: Worker, execution: Execution) -> CloudCost:
+def _cloud_cost(count: int, runs: int, worker: Worker, execution: Execution) -> CloudCost:
     drawing = partial(draw_color, execution=execution)
     warm, one = cloud(100, 16, 16), cloud(count, *pixels_for(count))
     pairs, _ = listed_pairs(one.scene, one.camera, execution=execution)
     job = partial(differentiate, drawing, one.scene, one.camera)
-    timing, _ = timed(job, size.runs, budget=10.0, pieces=size.pieces)
+    timing, _ = timed(job, runs, budget=10.0)
     try:
         worker.call(differentiate, drawing, warm.scene, warm.camera)
         peak = worker.call(peak_memory, differentiate, drawing, one.scene, one.camera)
@@ -252,6 +226,23 @@ def slope_target(name: str, points: Sequence[tuple[float, float]], missing: str)
     return Target(name, required, measured, overall <= 1.05)
 
 
+def table(targets: Sequence[Target]) -> str:
+    """Markdown: how many are reached on which machine, and a line a target."""
+    words = {True: "yes", False: "**no**", None: "not measured"}
+    lines = [
+        (target.name, target.required, target.measured, words[target.reached]) for target in targets
+    ]
+    measured = [target for target in targets if target.reached is not None]
+    reached = sum(target.reached is True for target in measured)
+    threads = torch.get_num_threads()
+    other_threads = "" if threads == 2 else " The targets are for 2 threads."
+    return (
+        f"{reached} of {len(measured)} targets are reached on {machine()}, {threads} "
+        f"thread{'s' * (threads > 1)}, commit {commit()}.{other_threads}\n\n"
+        + markdown_table(("target", "required", "measured", "reached"), lines)
+    )
+
+
 def targets(
     scenes: Annotated[
         list[Path] | None, typer.Argument(metavar="SCENE", help="Fitted scenes to measure as well.")
@@ -264,8 +255,8 @@ def targets(
 ) -> None:
     """Print which targets the renderer reaches, those of `gsedit bench targets` first."""
     extent = SHORT if quick else WHOLE
-    rows = collect(measure_targets(extent.size, points, cache))
-    print_result(table([*rows, *collect(measure_further(extent, points, scenes or [], cache))]))
+    rows = [target_of(row) for row in collect(measure_targets(points, cache, quick=quick))]
+    print_result(table([*rows, *collect(measure_further(extent, points, scenes or []))]))
 
 
 if __name__ == "__main__":

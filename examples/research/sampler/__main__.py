@@ -10,8 +10,7 @@ from typing import Annotated
 
 import typer
 
-from gsedit.bench.provenance import provenance
-from gsedit.bench.results import write_measurements, write_text
+from gsedit.bench.results import provenance, write_measurements, write_text
 from gsedit.runs.events import Event
 from gsedit.runs.stopwatch import Stopwatch
 from research.command import Output, Quick, collect, print_message, print_result, require_new, run

@@ -42,11 +42,6 @@ def find(loaded: Loaded) -> Found:
     return Found(loaded, reasons)
 
 
-def add(page: Page, tab: Tab) -> None:
-    """Add the reasons, each with its count and a switch, the preview and Remove."""
-    Clean(page, tab)
-
-
 class Clean:
     """The controls of one tab's cleaning."""
 
@@ -98,6 +93,7 @@ class Clean:
     def clean(self) -> None:
         """Remove it; the rest is the next step."""
         off = [f"--no-{SWITCHES[name]}" for name, box in self.boxes.items() if not box.value]
-        file = self.page.selection_file()
-        region = () if file is None else ("--region", str(file))
-        self.page.step("clean", *off, *region, title="clean")
+        self.page.step("clean", *off, *self.page.region_options(), title="clean")
+
+
+add = Clean

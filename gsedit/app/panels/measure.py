@@ -15,11 +15,6 @@ NAME = "measure"
 _HOW = "Click on two points for their distance, on more for the area between them."
 
 
-def add(page: Page, tab: Tab) -> None:
-    """Add the switch for clicks that measure, the result, and the known length."""
-    Measure(page, tab)
-
-
 class Measure:
     """The controls of one tab's measuring."""
 
@@ -84,3 +79,6 @@ class Measure:
         ends = ",".join(f"{value:.9g}" for each in self.points for value in each.position)
         length = f"--length={ends}={self.known.value:.9g}"
         self.page.step("align", length, title=f"scale by {self.known.value:g}")
+
+
+add = Measure

@@ -10,7 +10,7 @@ import torch
 from jaxtyping import Bool
 from torch import Tensor
 
-from gsedit.errors import UsageError
+from gsedit.errors import Said, UsageError
 
 Side = Literal["left", "right", "front", "behind", "on", "beside"]
 Number = float | int
@@ -106,8 +106,8 @@ def check_target(to: Triple | RelativePlace | None, count: int) -> None:
 
 def check_region(inside: Bool[Tensor, " n"], count: int, what: str = "the object") -> None:
     """Raise UsageError for flags of another scene, or that hold nothing."""
-    hint = "look at what is selected with gsedit render SCENE --region ..."
     if inside.shape != (count,) or inside.dtype != torch.bool:
-        raise UsageError(f"{what}: {tuple(inside.shape)} flags for {count:,} Gaussians: {hint}")
+        flags = f"{tuple(inside.shape)} flags for {count:,} Gaussians"
+        raise UsageError(Said(f"{what}: {flags}", "look"))
     if not bool(inside.any()):
-        raise UsageError(f"{what} has no Gaussian: {hint}")
+        raise UsageError(Said(f"{what} has no Gaussian", "look"))

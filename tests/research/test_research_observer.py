@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import torch
+from research.paper.observe import OWN, Observed, Observer
 from three_scenes import Swapped
 
 from gsedit import Dataset, EditSettings, edit_steps
-from gsedit.bench.edit import OWN, Observed, Observer
 from gsedit.datasets.dataset import capture
 from gsedit.editor_protocol import Capabilities
 from gsedit.paper.strategies.single_pass import SinglePass

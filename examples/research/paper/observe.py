@@ -3,36 +3,24 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
-from typing import Any
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.bench.results import markdown_table, write_measurements, write_text
-from gsedit.datasets.dataset import Dataset, capture
 from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editing.edit import edit_steps
-from gsedit.editors import make_editor
 from gsedit.editors.looks.recipe import parse
 from gsedit.errors import UsageError
-from gsedit.fitting.settings import UpdateSettings
 from gsedit.measures.agreement import spread
-from gsedit.measures.decibels import psnr_from_rmse
 from gsedit.paper.actions import Action, Strategy
 from gsedit.paper.edit_views import MEASURE, sample_views
 from gsedit.paper.progress import Work
 from gsedit.paper.session import Session, render_edited
-from gsedit.paper.settings import EditSettings
-from gsedit.paper.strategies import find_strategy
-from gsedit.runs.events import Event, returned
+from gsedit.runs.events import returned
 from gsedit.runs.stopwatch import Stopwatch
-from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
 
-ROWS, TABLE = "edit.jsonl", "edit.md"
 MEASURED_VIEWS = 4
 """Held-out cameras at which errors are measured."""
 SPARSER = 1.08
@@ -162,69 +150,6 @@ def _asked(session: Session, views: Sequence[int]) -> Float[Tensor, "v h w 3"]:
         steps = sample_views(aside, views, (), None, sampler, start=start, stage=MEASURE)
         total = total + torch.stack(returned(steps))
     return total / REFERENCE_DRAWS
-
-
-@dataclass(frozen=True)
-class EditPlan:
-    """An edit of the built-in scene, and its size."""
-
-    instruction: str = "turn the bear into a bronze statue"
-    strategy: str = "single-pass"
-    options: Mapping[str, Any] = field(default_factory=dict)
-    """Fields of the strategy that differ from its defaults."""
-    gaussians: int = 30_000
-    cameras: int = 32
-    """Views on a ring; every eighth is held out."""
-    size: int = 128
-    """Side of a view, pixels."""
-    patches: int = 16
-    """Crops a fitting step renders."""
-    patch: int = 32
-    """Side of a crop, pixels."""
-
-
-QUICK = EditPlan(gaussians=1_000, cameras=9, size=64, patches=1)
-
-
-def edit_to_folder(folder: Path, plan: EditPlan) -> Iterator[Event | Point]:
-    """Do the edit with the editor `closed-form`, whose exact result is known, and write the error
-    as it falls: ROWS, then TABLE.
-    """
-    rows: list[Point] = []
-    yield from write_measurements(_measure(plan), folder / ROWS, rows)
-    write_text(folder / TABLE, table(rows) + "\n")
-
-
-def _measure(plan: EditPlan) -> Iterator[Event | Point]:
-    solid = demo_scene()
-    scene = surface_gaussians(solid, plan.gaussians, torch.Generator().manual_seed(0))
-    cameras = ring_cameras(solid, plan.cameras, plan.size)
-    names = [f"view_{i:03d}" for i in range(plan.cameras)]
-    update = UpdateSettings(patches=plan.patches, patch=plan.patch)
-    observer = Observer()
-    steps = edit_steps(
-        scene,
-        plan.instruction,
-        editor=make_editor("closed-form"),
-        generator=torch.Generator().manual_seed(0),
-        views=Dataset(capture(scene, cameras, names)),
-        settings=EditSettings(update=update, held_out_edits=0, region="all", coverage=1.0),
-        strategy=Observed(find_strategy(plan.strategy)(**plan.options), observer),
-    )
-    yield from (item for item in steps if isinstance(item, Event))
-    yield from observer.points
-
-
-def table(points: Iterable[Point]) -> str:
-    """A Markdown table of seconds, those in the 2D editor, fitting steps, error and PSNR."""
-    points = list(points)
-    nearest = nearest_truth(points)
-    rows = [
-        (f"{p.seconds:.1f}", f"{p.editing:.1f}", str(p.steps), f"{p.errors[nearest]:.4f}",
-         f"{psnr_from_rmse(p.errors[nearest]):.1f}")
-        for p in points
-    ]  # fmt: skip
-    return markdown_table(("seconds", "in the 2D editor", "steps", "RMSE", "PSNR, dB"), rows)
 
 
 def nearest_truth(points: Sequence[Point]) -> int:
