@@ -13,7 +13,6 @@ import torch
 from jaxtyping import Bool
 from torch import Tensor
 
-from gsedit.synthetic.gallery import demo_scene, demo_solids
 from gsedit.synthetic.paint import lit, mix, parts, plain, waves
 from gsedit.synthetic.scene import SyntheticScene
 from gsedit.synthetic.shapes import (
@@ -30,8 +29,6 @@ from gsedit.synthetic.shapes import (
 from gsedit.synthetic.splats import surface_gaussians
 from rasterizer.scene import Gaussians
 
-STAND = 2
-"""Solids at the end of the demo scene's list: the plinth and the floor."""
 LIGHT = (-0.5, -0.7, 0.9)
 
 
@@ -114,14 +111,6 @@ def _figure(number: Callable[[float, float], float]) -> Sdf:
         capsule((-length, 0.0, 0.0), (-length - 0.25, number(-0.1, 0.1), number(0.0, 0.2)), 0.03),
         *legs,
     )
-
-
-def demo_bear(count: int = 6000, seed: int = 0) -> Labelled:
-    """The demo scene: a bear with a scarf, on a plinth on a floor."""
-    random = torch.Generator().manual_seed(seed)
-    solids = [solid for solid, _ in demo_solids()]
-    bear, stand = union(*solids[:-STAND]), union(*solids[-STAND:])
-    return labelled(demo_scene(), bear, stand, count, random)
 
 
 def labelled(

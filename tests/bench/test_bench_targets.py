@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 import torch
-from benchmarks import garden_points
-from research.renderer.workloads import cloud
+from benchmarks import cloud, garden_points
 
 from gsedit import Event
 from gsedit.bench.renderer import speed, targets

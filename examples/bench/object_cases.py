@@ -117,6 +117,3 @@ CASES = (
     Case("growth", "table", "green box", {"material": "snow", "thickness": SNOW}),
 )
 """All cases that change a scene; names are unique."""
-
-CLICKED = ("pedestal", "meadow", "wall", "corner", "table")
-"""Stages whose things are selected by clicks."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from research.curves import slope
+from research.figures import slope
 
 
 @pytest.mark.parametrize("exponent", [-1.0, 0.0, 1.0, 2.5])

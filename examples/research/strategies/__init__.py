@@ -1,1 +1,0 @@
-"""Baselines of the paper as strategies: Vox-E's score distillation, NeRF-Art's losses."""
