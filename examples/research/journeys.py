@@ -72,6 +72,9 @@ class Journey:
     """Why it was skipped, or the last line that it printed where it failed."""
 
 
+NAMES = [field.name for field in fields(Journey)]
+
+
 def journeys_of(tree: Path) -> list[Journey]:
     """Collect the commands of a tree's pages in order."""
     found: list[Journey] = []
@@ -93,8 +96,8 @@ def run_all(out: Path, scene: Path, photos: Path, tree: Path) -> None:
             shutil.rmtree(out / "work", ignore_errors=True)
             work.mkdir(parents=True)
         run_one(journey, work, out / journey.name, scene.resolve(), photos.resolve())
-        print(f"{index + 1}/{len(journeys)} {journey.exit} {journey.seconds} {journey.command}")  # noqa: T201
-        write_table(out / "commands.csv", journeys[: index + 1])
+        print(journey.exit, journey.seconds, journey.command, flush=True)  # noqa: T201
+        write_table(out / "commands.csv", NAMES, [asdict(each) for each in journeys[: index + 1]])
     shutil.rmtree(out / "work", ignore_errors=True)
 
 
@@ -191,10 +194,7 @@ def compare(a: Path, b: Path, table: Path) -> None:
             rows.append({"what": name, "db": "", "note": f"only in {a if name in found[0] else b}"})
         else:
             rows.append({"what": name, **difference(found[0][name], found[1][name])})
-    with table.open("w", newline="") as file:
-        writer = csv.DictWriter(file, ["what", "db", "note"])
-        writer.writeheader()
-        writer.writerows(rows)
+    write_table(table, ["what", "db", "note"], rows)
 
 
 def pictures_of(folder: Path) -> dict[str, Path]:
@@ -212,12 +212,12 @@ def difference(a: Path, b: Path) -> dict[str, object]:
     return {"db": "inf" if error == 0 else f"{-10 * np.log10(error):.2f}", "note": ""}
 
 
-def write_table(path: Path, journeys: list[Journey]) -> None:
-    """Write how commands ended."""
+def write_table(path: Path, names: list[str], rows: list[dict[str, object]]) -> None:
+    """Write a CSV file."""
     with path.open("w", newline="") as file:
-        writer = csv.DictWriter(file, [field.name for field in fields(Journey)])
+        writer = csv.DictWriter(file, names)
         writer.writeheader()
-        writer.writerows(asdict(each) for each in journeys)
+        writer.writerows(rows)
 
 
 def read_table(path: Path) -> list[dict[str, str]]:
