@@ -237,7 +237,7 @@ def main() -> None:
     parser.add_argument("-o", "--output", type=Path, default=Path("table.csv"))
     given = parser.parse_args()
     if given.compare:
-        compare(*given.compare, given.output)
+        compare(given.compare[0], given.compare[1], given.output)
     elif given.out and given.scene and given.data:
         run_all(given.out.resolve(), given.scene, given.data, given.pages)
     else:
