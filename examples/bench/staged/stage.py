@@ -224,11 +224,6 @@ class Stage:
         """The stage with a thing bent towards +x about its foot, by an angle at its top."""
         return self.with_thing(self.thing(name).bent(degrees))
 
-    def recolored(self, name: str, color: Triple) -> Stage:
-        """The stage with a thing in another color (display RGB in [0, 1]), its pattern as light and
-        dark as before."""
-        return self.with_thing(self.thing(name).recolored(color))
-
     def relit(self, light: Daylight) -> Stage:
         """The stage under another light, with the shadows of that."""
         return replace(self, light=light)
