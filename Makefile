@@ -54,8 +54,7 @@ docs: setup
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
 bench: setup sanitize
-	PYTHONPATH=examples $(BIN)/python -m research.study_editor_cost
-	PYTHONPATH=examples $(BIN)/python -m research.renderer.targets $(if $(wildcard $(GARDEN)),--points $(GARDEN)) $(SCENES)
+	$(BIN)/gsedit bench targets $(if $(wildcard $(GARDEN)),--points $(GARDEN))
 
 sanitize: setup
 	PYTHONPATH=tests:. $(BIN)/python tests/sanitizers.py

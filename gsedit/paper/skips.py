@@ -54,7 +54,7 @@ class Decision:
     saves: str = ""
     """The work that `saving` is a share of."""
     bound: Bound | None = None
-    """None where nothing is skipped, or no bound is known (docs/measurements/optimisations.md has
+    """None where nothing is skipped, or no bound is known (docs/measurements/editing.md has
     what was measured)."""
 
     def describe(self) -> str:

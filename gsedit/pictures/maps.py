@@ -151,7 +151,7 @@ def normal_map(
     In the camera's axes x right, y up, z towards the viewer, as normal maps have it; 0 where
     nothing is. Each counts by how flat it is, 1 - shortest / middle standard deviation: a ball or a
     needle says nothing of a surface. (From depth, which is that of centers, the normals of a sphere
-    of discs are wrong by several times as much: docs/measurements/rendering.md.)
+    of discs are wrong by several times as much: docs/measurements/toolkit.md.)
     """
     axes = _facing(scene, camera)
     # as colors in [0, 1]: the blend of n / 2 + 1 / 2 is (the blend of n) / 2 + alpha / 2

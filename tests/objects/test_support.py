@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from labelled import statue
 from regions_iou import iou
-from research.labelled import statue
 
 from gsedit.cameras.orbit import circle
 from gsedit.objects.placing.support import find_support

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from labelled import statue
 from PIL import Image
 from regions_iou import iou
-from research.labelled import statue
 
 from gsedit import View
 from gsedit.cameras.orbit import circle

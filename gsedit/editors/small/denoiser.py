@@ -66,11 +66,11 @@ DEFAULTS = SamplerDefaults(
 """Each of its instructions has one correct result, so little of the starting noise is used. Ten
 steps in the middles of their parts equal the twenty of the leading spacing to 51 dB
 (docs/measurements/sampler.md).
-Consensus acts for half of the steps: later ones lose strength (docs/measurements/consensus.md),
+Consensus acts for half of the steps: later ones lose strength (docs/measurements/sampler.md),
 and the coarse colors that views still differ in are brought to agreement after sampling."""
 BEST_SIZE = 192
 """Pixels, the largest of its training. Of larger pictures it leaves parts unedited, and it stains
-others (docs/measurements/resolution.md)."""
+others (docs/measurements/editing.md)."""
 
 
 def schedule() -> Schedule:
