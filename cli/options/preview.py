@@ -10,7 +10,7 @@ from gsedit.errors import UsageError
 
 from ..core.console import print_message, print_result
 from .cameras import ViewOptions
-from .editing import EditorOptions, at_size, what_it_understood
+from .editing import EditorOptions, at_size
 from .masks import MaskOptions
 from .routes import OBJECTS, names_of, numbered, prepare, read_sentence
 from .settings import Values
@@ -35,7 +35,7 @@ def run_preview(
     views: ViewOptions,
     editor: EditorOptions,
     values: Values,
-    seeds: range,
+    seed: int,
     *,
     masks: MaskOptions,
     force: bool,
@@ -51,8 +51,6 @@ def run_preview(
     steps = read_sentence(instruction, editor, values, scene)
     read = None if steps is None else steps[0]
     direct = read is not None and is_exact(read)
-    if direct and len(seeds) > 1:
-        raise UsageError(f"{read} has one result, whatever the seed: leave out --seeds")
     words = instruction if read is None else read.text
     precision = values.get(("sampler", "precision"), "auto")
     followed = None if direct else editor.make(path.parent, words, precision)
@@ -71,11 +69,9 @@ def run_preview(
         for note in found.notes:
             print_message(note)
     else:
-        if understood := what_it_understood(followed, words):
-            print_message(understood)
         settings = at_size(settings, followed, views.size)
         found = preview_edited(
-            given, words, viewpoints[0].camera, followed, seeds, settings.sampler,
+            given, words, viewpoints[0].camera, followed, (seed,), settings.sampler,
             settings.execution, settings.edit_size,
         )  # fmt: skip
     save_picture(found.picture(), path, overwrite=force)

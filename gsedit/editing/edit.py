@@ -28,7 +28,7 @@ from gsedit.editing.session.state import (
     stopwatch_of,
     view_plan_of,
 )
-from gsedit.editing.session.strategy import asks_editor, name_of
+from gsedit.editing.session.strategy import name_of
 from gsedit.editing.session.survey import survey_views
 from gsedit.editing.session.unedited import UneditedRenders
 from gsedit.editing.skip.decide import explain_skips
@@ -177,10 +177,6 @@ def _recorded(
 
 def start_session(request: Request) -> Generator[Event, None, Session]:
     """The session of a new edit; its optimizer is at the unedited scene."""
-    if asks_editor(request.strategy):
-        note = request.editor.capabilities.advice(request.prompt)
-        if note:
-            yield Event("advice", 0.0, note=note)
     stopwatch = Stopwatch()
     noise_seed = int(torch.randint(1 << 31, (), generator=request.generator))
     session = yield from _session(request, stopwatch, noise_seed)

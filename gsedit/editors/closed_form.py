@@ -164,8 +164,8 @@ class ClosedForm:
 
     @property
     def capabilities(self) -> Capabilities:
-        """It runs no network; its edits have a known ground truth, and are of the whole picture."""
-        return Capabilities(find_ground_truth=self.find_ground_truth, is_whole=lambda prompt: True)
+        """It runs no network; its edits, of whole pictures, have a known ground truth."""
+        return Capabilities(find_ground_truth=self.find_ground_truth)
 
     def check(self, prompt: str) -> None:
         """Raise UsageError if the instruction names no look."""

@@ -60,21 +60,17 @@ class Listing:
 # ---- ours: each factory's docstring is its line in the list -------------------------------------
 
 
-def _small(model: str | Path | None = None, guess: bool = False) -> Editor:
-    """Learned, comes with gsedit: some fifty looks of subject and scene, in words of your own."""
-    from dataclasses import replace
+def _small() -> Editor:
+    """Learned, comes with gsedit: some fifty looks of subject and scene."""
+    from gsedit.editors.small.editor import SmallEditor, load_small
 
-    from gsedit.editors.small.denoiser import load_small
-    from gsedit.editors.small.editor import SmallEditor
-
-    small = load_small(None if model is None else Path(model).expanduser())
-    return SmallEditor(replace(small, guess=guess))
+    return SmallEditor(load_small())
 
 
-def _small_missing(weights: Path | None = None) -> Iterable[str]:
-    from gsedit.editors.small.shipped import REINSTALL, WEIGHTS
+def _small_missing() -> Iterable[str]:
+    from gsedit.editors.small import REINSTALL, WEIGHTS
 
-    if not (weights or WEIGHTS).exists():
+    if not WEIGHTS.exists():
         yield f"its weights: {REINSTALL}"
 
 
@@ -196,11 +192,10 @@ EDITORS = tuple(BUILT_IN)
 def make_editor(name: str = DEFAULT, **options: Any) -> Editor:
     """The editor of that name; `options` that are None are as if they were not given.
 
-    `model` is for small (a file, see load_small), pix2pix and diffusers, `guess` for small (see
-    Small), `weights_dir`, `precision`, `yes`, `runtime` and `decoder` for pix2pix and diffusers
-    (see load_model, make_runtime, with_small_decoder), `run`, `timeout` (seconds) and `folder` for
-    command (see Command). Raises UsageError for a name or an option that there is not, GseditError
-    where a third party's editor cannot be made.
+    `model`, `weights_dir`, `precision`, `yes`, `runtime`, `decoder` are for pix2pix and diffusers
+    (see load_model), `run`, `timeout` (seconds) and `folder` for command (see Command). Raises
+    UsageError for a name or an option that there is not, GseditError where a third party's editor
+    cannot be made.
     """
     factory, source = _factory(name)
     parameters = _parameters(factory)

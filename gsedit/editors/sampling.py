@@ -40,6 +40,10 @@ class DiffusionEditor:
     denoiser: Denoiser
     known: dict[Any, Fit] = field(default_factory=dict, repr=False)
     """Measurements of the denoiser on this machine, by size and settings of a batch."""
+    coarse: Hook | None = None
+    """Low-pass filter applied to a change of latents before consensus: matches are exact to half a
+    cell, and detail averaged at that precision is lost. Linear, view by view. None: the identity,
+    as for cells that are one vector each."""
 
     @property
     def name(self) -> str:
@@ -76,15 +80,14 @@ class DiffusionEditor:
         """
         self.check(batch.prompt)
         _check_shapes(batch)
-        weighted, settings = for_settings(self.denoiser, settings)
+        denoiser, settings = for_settings(self.denoiser, settings)
         if batch.anchored is not None and batch.anchored.all():
             yield EditProgress(settings.step_count, settings.step_count, batch.images.clone())
             return
         whole = padded(batch, self.denoiser)
         free = _free(batch)
-        denoiser = with_subject_mask(weighted, whole.subject, free)
         z0, anchor = _encoded(whole, self.denoiser)
-        agree, share = _hooks(whole, settings, self.capabilities)
+        agree, share = _hooks(whole, settings, self.coarse)
         noise = torch.randn(z0.shape, generator=generator, dtype=z0.dtype)
         rows, columns = z0.shape[2:]
         levels = levels_for(denoiser, settings, (rows, columns))
@@ -109,9 +112,8 @@ class DiffusionEditor:
         """The cost of a view of such a batch, measured by evaluating the network. Draws nothing
         from anyone's generator. Raises what `edit` raises."""
         self.check(batch.prompt)
-        weighted, settings = for_settings(self.denoiser, settings)
+        denoiser, settings = for_settings(self.denoiser, settings)
         whole = padded(batch, self.denoiser)
-        denoiser = with_subject_mask(weighted, whole.subject)
         z0 = denoiser.encode(whole.images)
         rows, columns = z0.shape[2:]
         levels = levels_for(denoiser, settings, (rows, columns))
@@ -138,37 +140,17 @@ class Counted(Around):
         return self.network.branches(x, t, condition, need)
 
 
-def with_subject_mask(
-    denoiser: Denoiser,
-    subject: Float[Tensor, "v H W"] | None,
-    views: Int[Tensor, " n"] | None = None,
-) -> Denoiser:
-    """The denoiser for these `views` (None: all), whose subject is in this mask.
-
-    Itself where there is no mask, or the denoiser takes none.
-    """
-    with_subject = denoiser.capabilities.with_subject
-    if subject is None or with_subject is None:
-        return denoiser
-    return with_subject(subject if views is None else subject[views])
-
-
 def padded(batch: EditBatch, denoiser: Denoiser) -> EditBatch:
     """The batch with the sides that the denoiser wants; added cells are in no cluster."""
     images, originals = (
         pad_to_multiple(pictures, denoiser.multiple, denoiser.padding)
         for pictures in (batch.images, batch.originals)
     )
-    subject = batch.subject
-    if subject is not None:
-        subject = pad_to_multiple(subject, denoiser.multiple, denoiser.padding)
     matches = batch.correspondences
     if matches is not None:
         labels = _padded_labels(matches.labels, batch.images, images, denoiser.cell)
         matches = replace(matches, labels=labels)
-    return replace(
-        batch, images=images, originals=originals, subject=subject, correspondences=matches
-    )
+    return replace(batch, images=images, originals=originals, correspondences=matches)
 
 
 def _padded_labels(
@@ -225,7 +207,7 @@ def _encoded(
 
 
 def _hooks(
-    batch: EditBatch, settings: SamplerSettings, capabilities: Capabilities
+    batch: EditBatch, settings: SamplerSettings, coarse: Hook | None
 ) -> tuple[Hook | None, Hook]:
     """(consensus, noise sharing) of a padded batch."""
     if batch.correspondences is None:
@@ -234,7 +216,6 @@ def _hooks(
     agree = partial(
         consensus, labels=labels, anchored=batch.anchored, strength=settings.consensus_weight
     )
-    coarse = capabilities.coarse
     if coarse is not None:
         agree = partial(_agree_coarsely, agree, coarse)
     if settings.noise == "independent":

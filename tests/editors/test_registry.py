@@ -93,7 +93,7 @@ def test_ours_are_listed_with_what_they_need():
     ours = {listing.name: listing for listing in list_editors() if listing.source == "gsedit"}
     assert tuple(ours) == registry.EDITORS
     assert ours["small"].ready
-    assert ours["small"].options == ("--model", "--guess")
+    assert not ours["small"].options
     assert ours["closed-form"].ready
     assert not ours["closed-form"].options
     for name in ("pix2pix", "diffusers"):
@@ -132,8 +132,8 @@ def test_what_pix2pix_misses_is_named(monkeypatch, tmp_path):
         (
             "closed-form",
             {"model": "x"},
-            "closed-form editor has no option --model: it takes none; --editor small or --editor "
-            "pix2pix or --editor diffusers has it",
+            "closed-form editor has no option --model: it takes none; --editor pix2pix or "
+            "--editor diffusers has it",
         ),
         ("pix2pix", {"run": "x"}, "no option --run: it takes --model, --weights-dir"),
         ("command", {"weights_dir": "x"}, "no option --weights-dir: it takes --run, --timeout"),

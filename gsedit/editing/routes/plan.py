@@ -10,7 +10,7 @@ from gsedit.editing.session.settings import EditSettings
 from gsedit.errors import UsageError
 from gsedit.words.direct import UNCLEAR
 from gsedit.words.instruction import Instruction
-from gsedit.words.small_looks import look_of
+from gsedit.words.looks import look_of
 
 HEEDED = ("region", "execution")
 """Settings that exact routes heed; any other one asks for the 2D editor."""

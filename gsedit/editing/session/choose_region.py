@@ -85,10 +85,9 @@ def _found(finder: Finder, whole: bool | None) -> Region | None:
 
 def is_whole(editor: Editor | None, prompt: str) -> bool | None:
     """Whether an instruction is about the whole scene, and not its subject alone; None where
-    neither the editor nor the reader of sentences can say."""
-    told = None if editor is None else editor.capabilities.is_whole
-    if told is not None:
-        return told(prompt)
+    the sentence does not say. Editors with a known ground truth edit whole pictures."""
+    if editor is not None and editor.capabilities.find_ground_truth is not None:
+        return True
     targets = {change.target for change in read_instruction(prompt).changes}
     if "background" in targets or not targets:
         return None

@@ -68,9 +68,12 @@ def parse(prompt: str) -> Recipe:
 
 def _understood(prompt: str) -> list[str]:
     """The looks that a sentence asks for; none where one of them is not among those here."""
-    understood = looks_asked(prompt)
-    names = [SIMILAR.get(name, name) for name in understood.names]
-    return names if understood.known and LOOKS.keys() >= set(names) else []
+    try:
+        asked = looks_asked(prompt)
+    except UsageError:
+        return []
+    names = [SIMILAR.get(look.name, look.name) for look in asked]
+    return names if LOOKS.keys() >= set(names) else []
 
 
 def agreed_variant(
