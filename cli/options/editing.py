@@ -64,12 +64,6 @@ class EditorOptions:
         "torch|openvino|auto",
         show_default="auto",
     )
-    decoder: Path | None = option(
-        None,
-        "pix2pix, diffusers: a folder with a small decoder (TAESD) of the model's latents: faster, "
-        "less exact.",
-        "FOLDER",
-    )
     run: str | None = option(
         None,
         'command: the program to run, as in "my_editor {input} {output} {prompt}". It must '
@@ -102,7 +96,6 @@ class EditorOptions:
             model=self.model,
             weights_dir=self.weights_dir,
             runtime=self.runtime,
-            decoder=self.decoder,
             run=self.run,
             timeout=self.timeout,
             folder=out / "command",

@@ -83,11 +83,12 @@ def list_editors(*, as_json: bool) -> None:
 
 def list_masks(*, as_json: bool) -> None:
     """Print every mask provider, of gsedit and of other packages."""
-    from gsedit.editors.masks import list_masks
+    from gsedit.editors import list_masks
 
-    for name, summary in list_masks():
-        record = {"name": name, "summary": summary}
-        print_result(record, f"{name:<12} {summary}", as_json=as_json)
+    for each in list_masks():
+        record, origin = {**vars(each), "ready": each.ready}, f"from {each.source}"
+        text = each.summary if each.source == "gsedit" else origin
+        print_result(record, f"{each.name:<12} {text}", as_json=as_json)
     if not as_json:
         print_message(
             'use one: gsedit select ... --phrase "the chair" --masks NAME, or gsedit edit ... '

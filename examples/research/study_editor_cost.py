@@ -22,7 +22,7 @@ from gsedit.diffusion.schedules import Schedule
 from gsedit.editing.session.presets import find_preset
 from gsedit.editor_protocol import Cost, EditBatch
 from gsedit.editors.sampling import DiffusionEditor
-from gsedit.models.runtimes import make_runtime
+from gsedit.models.runtime import make_runtime
 from gsedit.models.stable_diffusion import Pix2Pix, TextEncoder
 from research.command import print_result, run
 

@@ -17,9 +17,9 @@ from torch.nn.functional import interpolate
 
 from gsedit.errors import InputError, UsageError
 from gsedit.formats.pictures import as_picture
-from gsedit.models.parts import explained, quiet
-from gsedit.models.tokens import tokens_over
-from gsedit.models.weights import config_of
+from gsedit.models.hub import settings_in
+from gsedit.models.loading import explained, quiet
+from gsedit.models.model import tokens_over
 
 BOX_SCORE, TEXT_SCORE = 0.35, 0.25
 """Least scores of a box and of a word in it: those of GroundingDINO's own demonstration."""
@@ -129,7 +129,7 @@ def _loaded(place: str | Path, model_type: str, kind: Any) -> tuple[Any, Any]:
 
     example = EXAMPLES[model_type]
     folder = _folder(place, example)
-    found = config_of(folder / "config.json").get("model_type")
+    found = settings_in(folder / "config.json").get("model_type")
     if found != model_type:
         raise InputError(f"{folder} is a {found}, not a {model_type}, such as {example}")
     options: dict[str, Any] = {"local_files_only": True, "trust_remote_code": False}

@@ -13,9 +13,8 @@ from gsedit.diffusion.guidance import Need
 from gsedit.diffusion.settings import SamplerSettings
 from gsedit.editor_protocol import for_settings
 from gsedit.errors import UsageError
-from gsedit.models.klein import Klein
+from gsedit.models.klein import Klein, packed
 from gsedit.models.loading import load_model
-from gsedit.models.tokens import packed
 
 pytestmark = pytest.mark.usefixtures("offline")
 LENGTH = 24
@@ -33,7 +32,7 @@ def noise(count: int = 2, rows: int = 8, columns: int = 12) -> torch.Tensor:
     return torch.randn(count, 2, rows, columns, generator=torch.Generator().manual_seed(2))
 
 
-KINDS = {"distilled": {}, "guided": {"distilled": False}, "cached": {"cached": True}}
+KINDS = {"distilled": {}, "guided": {"distilled": False}}
 
 
 @pytest.fixture(scope="module", params=KINDS)
@@ -46,7 +45,6 @@ def both(request, tmp_path_factory):
 def test_every_step_equals_diffusers(both):
     pipe, model = both
     pictures, start = views(2, 64, 72), noise(2, 32, 36)  # the pipeline takes 64 pixels or more
-    guided = {} if model.cached else {"guidance_scale": 4.0}
     expected = [
         trace(
             pipe,
@@ -57,7 +55,7 @@ def test_every_step_equals_diffusers(both):
             latents=pixel_unshuffle(x[None], 2),
             num_inference_steps=3,
             max_sequence_length=LENGTH,
-            **guided,
+            guidance_scale=4.0,
         )
         for view, x in zip(pictures, start)
     ]

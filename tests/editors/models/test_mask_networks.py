@@ -9,7 +9,7 @@ import tiny_segmenters as tiny
 import torch
 from PIL import Image
 
-from gsedit.editors.masks import make_masks
+from gsedit.editors import make_masks
 from gsedit.errors import InputError, UsageError
 from gsedit.models import mask_networks as networks
 

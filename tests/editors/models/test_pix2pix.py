@@ -20,6 +20,7 @@ from gsedit.diffusion.settings import SamplerSettings
 from gsedit.editors import EditBatch, make_editor
 from gsedit.errors import UsageError
 from gsedit.models.loading import load_model
+from gsedit.models.model import TextNetwork
 
 pytestmark = pytest.mark.usefixtures("offline")
 
@@ -211,7 +212,9 @@ def test_an_instruction_is_read_once_for_all_batches(folder):
     read = []
     model = load_model(folder)
     encoder = model.text_encoders[0]
-    counted = replace(encoder, network=lambda ids: read.append(ids) or encoder.network(ids))
+    counted = replace(
+        encoder, network=TextNetwork(lambda ids: read.append(ids) or encoder.network(ids), None)
+    )
     model = replace(model, text_encoders=(counted,))
     for batch in (model, model.capabilities.with_micro_batch(2)):
         batch.condition(torch.rand(1, 32, 32, 3), PROMPT, torch.Generator())
