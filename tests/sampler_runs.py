@@ -22,7 +22,7 @@ def rectified_flow(steps: int = 1000, shift: float = 1.0) -> Schedule:
 
 
 def zero_terminal_snr(schedule: Schedule) -> Schedule:
-    """Schedule with pure noise at its last step and its first unchanged (Lin et al. 2024, alg. 1)."""
+    """Schedule with pure noise at its last step, its first unchanged (Lin et al. 2024, alg. 1)."""
     root = schedule.alphas_cumprod.sqrt()
     root = (root - root[-1]) * root[0] / (root[0] - root[-1])
     return Schedule(root**2)

@@ -45,8 +45,7 @@ from gsedit.diffusion.guidance import Branches, Need
 from gsedit.diffusion.predictions import Prediction
 from gsedit.diffusion.schedules import Schedule
 from gsedit.editor_protocol import Capabilities, GroundTruth
-from gsedit.editors.looks.recipe import agreed_variant, parse
-from gsedit.editors.looks.table import VARIANTS
+from gsedit.editors.looks.recipe import VARIANTS, agreed_variant, parse
 
 CODE = 2  # channels of a cell that encode its variant: a triangle lies in a plane
 CELL_PIXELS = (

@@ -9,7 +9,7 @@ returns what is not installed, one line for each with its next move.
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
@@ -18,9 +18,10 @@ from gsedit.errors import GseditError, UsageError
 
 Factory = Callable[..., Any]
 Missing = Callable[[], Iterable[str]]
-OURS = "gsedit"
-INTERNAL = ("folder", "precision")
-"""Parameters that are no options of the plugin's own on the command line."""
+OFFERED = ("folder", "precision", "yes")
+"""Options that are offered to every plugin, and taken by those that have them."""
+UNLISTED = ("folder", "precision")
+"""Options that other parts of the command line give."""
 
 
 @dataclass(frozen=True)
@@ -48,51 +49,37 @@ class Plugins:
 
     group: str
     kind: str
-    """Kind of what is made, as in "the closed-form editor"."""
+    """Name of what is made, in messages: editor."""
     ours: Mapping[str, tuple[Factory, Missing]]
-    parts: Sequence[str]
+    parts: tuple[str, ...]
     """Attributes that everything that is made has."""
     prefix: str = "--"
-    """Beginning of its options on the command line."""
-    offered: Sequence[str] = ()
-    """Options that are offered to every one, and taken by those that have them."""
-    hint: str = ""
-    """Where a person reads more."""
+    """Beginning of the options on the command line."""
 
     def make(self, name: str, options: Mapping[str, Any]) -> Any:
-        """The plugin's product; `options` that are None are as if they were not given.
+        """The product of a plugin; `options` that are None are as if they were not given.
 
         Raises UsageError for a name or an option that there is not, GseditError where another
         package's cannot be made.
         """
-        factory, source = self._factory(name)
-        taken = _parameters(factory)
-        given = {key: value for key, value in options.items() if value is not None}
-        given = {
-            key: each for key, each in given.items() if key in taken or key not in self.offered
-        }
-        for key in given:
-            if key not in taken:
-                flag = self._flag(key)
-                raise UsageError(
-                    f"the {name} {self.kind} has no option {flag}: {self._hint(key, factory)}"
-                )
-        if source == OURS:
-            return factory(**given)
+        if name not in self.names():
+            raise UsageError(
+                f"there is no {self.kind} {name!r}: choose one of {', '.join(self.names())} (see "
+                f"gsedit list {self.group.rpartition('.')[2]})"
+            )
+        if name in self.ours:
+            factory = self.ours[name][0]
+            return factory(**self._taken(name, factory, options))
+        entry = self._others()[name]
         try:
-            made = factory(**given)
+            factory = entry.load()
+            made = factory(**self._taken(name, factory, options))
         except GseditError:
             raise
         except Exception as error:  # whatever a third party does
-            raise GseditError(
-                f"the {name} {self.kind} ({source}) cannot be made ({_reason(error)}): "
-                f"ask the authors of {source}"
-            ) from error
+            raise self._fault(entry, f"cannot be made ({_reason(error)})") from error
         if lacks := [part for part in self.parts if not hasattr(made, part)]:
-            raise GseditError(
-                f"what {source} makes as {name} is no {self.kind}: it has no "
-                f"{', no '.join(lacks)}; ask the authors of {source}"
-            )
+            raise self._fault(entry, f"is none: it has no {', no '.join(lacks)}")
         return made
 
     def names(self) -> tuple[str, ...]:
@@ -100,56 +87,47 @@ class Plugins:
         return (*self.ours, *self._others())
 
     def list(self) -> tuple[Listing, ...]:
-        """Every one with what it needs; so is what cannot be imported, and nothing is raised."""
-        ours = [self._listing(name, *both, OURS) for name, both in self.ours.items()]
+        """Every plugin with what it needs; so is what cannot be imported, and nothing is raised."""
+        ours = [self._listing(name, *both, "gsedit") for name, both in self.ours.items()]
         return (*ours, *map(self._their_listing, self._entries()))
 
-    def _factory(self, name: str) -> tuple[Factory, str]:
-        """(what makes it, the package it comes with)."""
-        if name in self.ours:
-            return self.ours[name][0], OURS
-        entry = self._others().get(name)
-        if entry is None:
-            names = ", ".join(self.names())
-            raise UsageError(f"there is no {self.kind} {name!r}: choose one of {names}{self.hint}")
-        source = _source(entry)
-        try:
-            factory: Factory = entry.load()
-        except Exception as error:  # importing runs their code
-            raise GseditError(
-                f"the {name} {self.kind} ({source}) cannot be imported ({_reason(error)}): "
-                f"reinstall or remove {source}"
-            ) from error
-        if not callable(factory):
-            raise GseditError(f"the {name} {self.kind} ({source}) is no callable: {entry.value}")
-        return factory, source
+    def _taken(self, name: str, factory: Factory, options: Mapping[str, Any]) -> dict[str, Any]:
+        """The given options. Raises UsageError for one that is not taken, with who takes it."""
+        known, given = _parameters(factory), {}
+        for key, value in options.items():
+            if value is not None and key in known:
+                given[key] = value
+            elif value is not None and key not in OFFERED:
+                others = [each for each, (own, _) in self.ours.items() if key in _parameters(own)]
+                has = f"; {' or '.join(f'--{self.kind} {each}' for each in others)} has it"
+                raise UsageError(
+                    f"the {name} {self.kind} has no option {self._flag(key)}: it takes "
+                    f"{', '.join(self._flags(factory)) or 'none'}{has * bool(others)}"
+                )
+        return given
 
-    def _hint(self, key: str, factory: Factory) -> str:
-        """Hint after a wrong option: the options that are taken, and who takes this one."""
-        flags = self._flags(factory)
-        takes = f"it takes {', '.join(flags)}" if flags else "it takes none"
-        others = [name for name, (other, _) in self.ours.items() if key in _parameters(other)]
-        return f"{takes}; {' or '.join(others)} has it" if others else takes
+    def _fault(self, entry: EntryPoint, what: str) -> GseditError:
+        source = _source(entry)
+        return GseditError(
+            f"the {entry.name} {self.kind} ({source}) {what}: reinstall or remove {source}, or ask "
+            "its authors"
+        )
 
     def _entries(self) -> list[EntryPoint]:
         return sorted(entry_points(group=self.group), key=lambda entry: (entry.name, entry.value))
 
     def _others(self) -> dict[str, EntryPoint]:
         """The usable entry points by name: ours have precedence, then the first of a name."""
-        named: dict[str, EntryPoint] = {}
-        for entry in self._entries():
-            if entry.name not in self.ours:
-                named.setdefault(entry.name, entry)
-        return named
+        entries = reversed(self._entries())
+        return {entry.name: entry for entry in entries if entry.name not in self.ours}
 
     def _their_listing(self, entry: EntryPoint) -> Listing:
-        source = _source(entry)
-        first = self._others().get(entry.name)
+        source, first = _source(entry), self._others().get(entry.name)
         if first is None or first != entry:
             taken = f"another name: {entry.name!r} is taken; ask the authors of {source}"
             return Listing(entry.name, "", source, (), (taken,))
         try:
-            factory, _ = self._factory(entry.name)
+            factory = entry.load()
             return self._listing(entry.name, factory, getattr(factory, "missing", tuple), source)
         except Exception as error:  # a list that one package can break lists nothing
             return Listing(entry.name, "", source, (), (_reason(error),))
@@ -159,7 +137,7 @@ class Plugins:
         return Listing(name, summary, source, self._flags(factory), tuple(missing()))
 
     def _flags(self, factory: Factory) -> tuple[str, ...]:
-        return tuple(self._flag(key) for key in _parameters(factory) if key not in INTERNAL)
+        return tuple(self._flag(key) for key in _parameters(factory) if key not in UNLISTED)
 
     def _flag(self, key: str) -> str:
         return f"{self.prefix}{key.replace('_', '-')}"
@@ -177,6 +155,4 @@ def _source(entry: EntryPoint) -> str:
 
 
 def _reason(error: Exception) -> str:
-    if isinstance(error, GseditError):
-        return str(error)
     return " ".join(f"{type(error).__name__}: {error}".split())

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
+from functools import wraps
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -51,19 +52,6 @@ def _closed_form() -> Editor:
     return DiffusionEditor(ClosedForm())
 
 
-def _pix2pix(
-    model: str | Path | None = None,
-    weights_dir: str | Path | None = None,
-    precision: Precision = "auto",
-    yes: Consent = False,
-    runtime: str = "auto",
-) -> Editor:
-    """InstructPix2Pix, by default the authors' weights of Stable Diffusion 1.5: any sentence."""
-    from gsedit.models.hub import DEFAULT as DEFAULT_MODEL
-
-    return _diffusers(model or DEFAULT_MODEL, weights_dir, precision, yes, runtime)
-
-
 def _diffusers(
     model: str | Path | None = None,
     weights_dir: str | Path | None = None,
@@ -81,6 +69,14 @@ def _diffusers(
     run = make_runtime(runtime)
     loaded = load_model(model, weights_dir=weights_dir, precision=precision, yes=yes)
     return DiffusionEditor(replace(loaded, run=run))
+
+
+@wraps(_diffusers, assigned=())
+def _pix2pix(model: str | Path | None = None, **options: Any) -> Editor:
+    """InstructPix2Pix, by default the authors' weights of Stable Diffusion 1.5: any sentence."""
+    from gsedit.models.hub import DEFAULT as DEFAULT_MODEL
+
+    return _diffusers(model or DEFAULT_MODEL, **options)
 
 
 def _models() -> str:
@@ -136,10 +132,10 @@ def _command_missing() -> Iterable[str]:
 
 def _mask_command(run: str | None = None) -> MaskProvider:
     """A program of yours: --masks-run "my_segmenter {input} {output} {phrase}"."""
-    from gsedit.editors.command.masks import EXAMPLE, MaskCommand
+    from gsedit.editors.command.editor import MASK_EXAMPLE, MaskCommand
 
     if run is None:
-        raise UsageError(f"--masks command needs to know the program: add {EXAMPLE}")
+        raise UsageError(f"--masks command needs to know the program: add {MASK_EXAMPLE}")
     return MaskCommand(run)
 
 
@@ -181,8 +177,6 @@ EDITORS = Plugins(
         "command": (_command, _command_missing),
     },
     parts=("name", "cell", "check", "edit", "capabilities"),
-    offered=("folder", "precision", "yes"),
-    hint=" (see gsedit list editors)",
 )
 MASKS = Plugins(
     "gsedit.masks",
@@ -194,7 +188,6 @@ MASKS = Plugins(
     },
     parts=("name", "check", "masks"),
     prefix="--masks-",
-    hint=" (see gsedit list masks)",
 )
 
 

@@ -5,10 +5,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
 import torch
 from jaxtyping import Bool, Float, Int
@@ -16,7 +17,10 @@ from torch import Tensor
 
 from gsedit.consistency.consensus import consensus, share_noise
 from gsedit.datasets.padding import pad_to, pad_to_multiple, round_up
-from gsedit.diffusion.guidance import Around, Branches, Need, Predictor
+from gsedit.diffusion.guidance import Around, Branches, Need, Predictor, needed
+from gsedit.diffusion.guided import branches_of, predict_guided
+from gsedit.diffusion.memory import most_bytes
+from gsedit.diffusion.precision import InBfloat16
 from gsedit.diffusion.sampler import Anchor, Hook, add_noise, sample
 from gsedit.diffusion.settings import SamplerSettings
 from gsedit.editor_protocol import (
@@ -28,9 +32,10 @@ from gsedit.editor_protocol import (
     for_settings,
     levels_for,
 )
-from gsedit.editors.cost import measure_cost
 from gsedit.editors.ranked import Fit, prepared, shared_out
 from gsedit.errors import UsageError
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,10 +123,35 @@ class DiffusionEditor:
         rows, columns = z0.shape[2:]
         levels = levels_for(denoiser, settings, (rows, columns))
         noise = torch.randn(z0.shape, generator=torch.Generator().manual_seed(0))
-        x = add_noise(z0, noise.to(z0), levels[0])
-        return measure_cost(
-            denoiser, x, whole.originals, batch.prompt, settings, levels, self.known
+        x, originals = add_noise(z0, noise.to(z0), levels[0]), whole.originals
+        predictor, spent = prepared(denoiser, x, originals, batch.prompt, settings, self.known)
+        condition, condition_s = _timed(
+            lambda: denoiser.condition(originals, batch.prompt, torch.Generator())
         )
+        _, encode_s = _timed(lambda: denoiser.encode(whole.images[:1]))
+        _, decode_s = _timed(lambda: denoiser.decode(x[:1]))
+        (_, first), (_, second) = (  # the first may compile
+            _timed(lambda: predict_guided(predictor, condition, x, levels[0], settings))
+            for _ in range(2)
+        )
+        evaluations = len(x) * sum(needed(*settings.scales))
+        return Cost(
+            steps=len(levels) - 1,
+            evaluations=sum(branches_of(levels, settings)),
+            evaluation_s=min(first, second) / evaluations,
+            encode_s=encode_s,
+            decode_s=decode_s,
+            peak_bytes=most_bytes(),
+            precision="bfloat16" if isinstance(predictor, InBfloat16) else "float32",
+            spent=spent + 2 * evaluations,
+            condition_s=condition_s / len(x),
+        )
+
+
+def _timed(work: Callable[[], T]) -> tuple[T, float]:
+    """(result, seconds of wall time)."""
+    started = time.monotonic()
+    return work(), time.monotonic() - started
 
 
 class Counted(Around):

@@ -37,7 +37,7 @@ class Family:
     module: str
     """The module here whose `load(parts, micro_batch=...)` makes the Model."""
     networks: tuple[str, ...]
-    """Components with weights."""
+    """Components that have weights."""
     others: tuple[str, ...]
     """Tokenizers and the scheduler."""
     example: str
@@ -100,9 +100,9 @@ class Part:
 
     name: str
     problem: str = ""
-    """What is wrong with it, and the next move; empty for a complete one."""
+    """Problem of the component, with its next move; empty for a complete one."""
     files: tuple[Path, ...] = ()
-    """Its weights."""
+    """Files of its weights."""
     stored: str = ""
     """The dtype of its largest tensor, as safetensors names it (F32, F16, BF16)."""
 

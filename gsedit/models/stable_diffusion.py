@@ -140,7 +140,7 @@ class Pix2Pix(Model):
     """SDXL: the features of the empty instruction are zeros, not the encoders' output."""
     defaults: SamplerDefaults = field(default_factory=SamplerDefaults)
     to_clean: bool = False
-    """See Noise."""
+    """Whether the last level has no noise, see `Noise`."""
 
     @property
     def capabilities(self) -> Capabilities:

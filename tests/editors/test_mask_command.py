@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from gsedit.editors import make_masks
-from gsedit.editors.command.masks import MaskCommand
+from gsedit.editors.command.editor import MaskCommand
 from gsedit.errors import GseditError, InputError, UsageError
 
 RED = """
@@ -90,7 +90,7 @@ def test_a_program_that_is_not_there():
 
 
 def test_providers_by_name(monkeypatch):
-    other = EntryPoint("known", "gsedit.editors.command.masks:MaskCommand", "gsedit.masks")
+    other = EntryPoint("known", "gsedit.editors.command.editor:MaskCommand", "gsedit.masks")
     monkeypatch.setattr("gsedit.editors.plugins.entry_points", lambda group: [other])
     assert isinstance(make_masks("known", run="segment {input} {output}"), MaskCommand)
     with pytest.raises(UsageError, match="choose one of command, clipseg, grounded-sam, known"):

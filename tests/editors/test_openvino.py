@@ -106,7 +106,7 @@ def test_other_weights_and_another_shape_have_a_graph_of_their_own(cache):
 
 
 def test_the_cache_is_bounded_and_the_longest_unused_goes(cache, monkeypatch):
-    monkeypatch.setattr(graphs, "MOST_BYTES", 1000)
+    monkeypatch.setattr(runtime, "MOST_BYTES", 1000)
 
     def write(path):
         path.write_bytes(bytes(100))

@@ -160,18 +160,12 @@ def test_a_third_party_s_editor_is_made_and_listed(packages):
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("torn", r"torn editor \(torn\) cannot be imported.*surely_not_installed.*remove torn"),
-        ("absent", r"cannot be imported.*no attribute 'Absent'|has no attribute.*Absent"),
-        ("number", "is no callable: mirrors:number"),
-        (
-            "broken",
-            r"cannot be made \(RuntimeError: no mirror in here\): ask the authors of mirrors",
-        ),
-        ("nothing", "is no editor: it has no name, no cell, no check, no edit, no cap"),
-        (
-            "undeclared",
-            "is no editor: it has no capabilities",
-        ),
+        ("torn", r"torn editor \(torn\) cannot be made .*surely_not_installed.*remove torn"),
+        ("absent", r"cannot be made .*no attribute 'Absent'"),
+        ("number", "cannot be made"),
+        ("broken", r"cannot be made \(RuntimeError: no mirror in here\): reinstall or rem"),
+        ("nothing", "is none: it has no name, no cell, no check, no edit, no cap"),
+        ("undeclared", "is none: it has no capabilities"),
     ],
 )
 def test_a_third_party_s_mistake_is_theirs_and_no_crash(packages, name, message):
@@ -203,7 +197,7 @@ def test_a_third_party_s_editor_from_the_command_line(packages, tmp_path):
     scene = tmp_path / "scene.ply"
     result = gsedit("edit", scene, "turn round", "-o", tmp_path / "out", "--editor", "torn")
     assert result.exit_code == 1
-    assert "cannot be imported" in result.stderr
+    assert "cannot be made" in result.stderr
     result = gsedit("edit", scene, "turn round", "-o", tmp_path / "out", "--editor", "nobody")
     assert result.exit_code == 2
     assert "see gsedit list editors" in result.stderr

@@ -25,8 +25,8 @@ def predict(network, x, sigma, picture, shown=1.0, look=0):
     n = len(x)
     text = network.looks(torch.tensor([look] * n))
     mask = torch.full((n,), shown)
-    encoded = network.encode_image(picture, mask)
-    return network(x, torch.full((n,), sigma), picture, mask, encoded, text)
+    prepared = network.prepare(picture, mask, network.encode_image(picture, mask))
+    return network.denoise(x, torch.full((n,), sigma), prepared, text)
 
 
 def test_an_untrained_network_predicts_the_picture_where_all_is_noise():

@@ -92,7 +92,7 @@ class Condition(NamedTuple):
     dropped: PreparedImage
     """One view whose image is dropped."""
     text: Float[Tensor, "1 d"]
-    """The look's vector."""
+    """Vector of the look that is asked for."""
     null_text: Float[Tensor, "1 d"]
     """The vector of no look."""
 
@@ -270,7 +270,7 @@ class SmallEditor:
     ranks: Ranks = ALONE
     """Processes among which its views are shared out."""
     known: dict[Any, Fit] = field(default_factory=dict, repr=False)
-    """See DiffusionEditor."""
+    """Measurements of the network, as DiffusionEditor keeps them."""
     name: str = "small"
     cell: int = CELL_PIXELS
 

@@ -277,22 +277,6 @@ class SmallNetwork(nn.Module):
         pixels = self.pixel_head(F.silu(features))
         return EncodedImage(features, F.pixel_shuffle(pixels, CELL_PIXELS))
 
-    def forward(
-        self,
-        x: Float[Tensor, "b 48 y x"],
-        sigma: Float[Tensor, " b"],
-        image: Float[Tensor, "b 48 y x"],
-        image_mask: Float[Tensor, " b"],
-        encoded: EncodedImage,
-        text: Float[Tensor, "b d"],
-    ) -> Float[Tensor, "b 48 y x"]:
-        """x0 of x = x_t, which has unit power where it is all noise (a^2 + b^2 = 1; sigma = b / a).
-
-        `encoded` is what `encode_image` returns for the image and its mask, `text` are rows of
-        `looks`.
-        """
-        return self.denoise(x, sigma, self.prepare(image, image_mask, encoded), text)
-
     def prepare(
         self,
         image: Float[Tensor, "b 48 y x"],
@@ -316,8 +300,11 @@ class SmallNetwork(nn.Module):
         prepared: PreparedImage,
         text: Float[Tensor, "n d"],
     ) -> Float[Tensor, "n 48 y x"]:
-        """As `forward`, of prepared images; `n` is a multiple of `b`. The texts of all images
-        under one instruction come before those under the next."""
+        """x0 of x = x_t, which has unit power where it is all noise (a^2 + b^2 = 1; sigma = b / a).
+
+        `text` are rows of `looks`; `n` is a multiple of `b`: those of all images under one look
+        come before those under the next.
+        """
         y, w = x.shape[-2:]
         level = sigma[:, None, None, None]
         scaled = self._padded(x / (1 + level / INPUT_NOISE_SCALE))
