@@ -16,6 +16,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gsedit.editors.command import EXAMPLE, MASK_EXAMPLE
 from gsedit.editors.plugins import Listing, Plugins
 from gsedit.errors import GseditError, UsageError
 
@@ -117,7 +118,6 @@ def _command(
 ) -> Editor:
     """Any program that reads a folder of pictures and fills another; made consistent afterwards."""
     from gsedit.editors.command.editor import Command
-    from gsedit.editors.command.program import EXAMPLE
 
     if run is None:
         raise UsageError(f"the command editor needs to know the program: add {EXAMPLE}")
@@ -125,14 +125,13 @@ def _command(
 
 
 def _command_missing() -> Iterable[str]:
-    from gsedit.editors.command.program import EXAMPLE
 
     yield f"a program of yours: {EXAMPLE}"
 
 
 def _mask_command(run: str | None = None) -> MaskProvider:
     """A program of yours: --masks-run "my_segmenter {input} {output} {phrase}"."""
-    from gsedit.editors.command.editor import MASK_EXAMPLE, MaskCommand
+    from gsedit.editors.command.editor import MaskCommand
 
     if run is None:
         raise UsageError(f"--masks command needs to know the program: add {MASK_EXAMPLE}")

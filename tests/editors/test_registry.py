@@ -132,7 +132,7 @@ def test_what_pix2pix_misses_is_named(monkeypatch, tmp_path):
         (
             "closed-form",
             {"model": "x"},
-            "closed-form editor has no option --model: it takes none; --editor pix2pix or --editor diffusers has it",
+            "no option --model: it takes none; --editor pix2pix or --editor diffusers has it",
         ),
         ("pix2pix", {"run": "x"}, "no option --run: it takes --model, --weights-dir"),
         ("command", {"weights_dir": "x"}, "no option --weights-dir: it takes --run, --timeout"),

@@ -14,8 +14,16 @@ from torch import Tensor
 from gsedit.consistency.harmonise import harmonise
 from gsedit.diffusion.settings import SamplerSettings
 from gsedit.editor_protocol import Capabilities, EditBatch, EditProgress
-from gsedit.editors.command.exchange import Exchange, new_exchange, remove_exchange, run_in
-from gsedit.editors.command.program import check_program, fill_fields, split_command
+from gsedit.editors.command import MASK_EXAMPLE
+from gsedit.editors.command.program import (
+    Exchange,
+    check_program,
+    fill_fields,
+    new_exchange,
+    remove_exchange,
+    run_in,
+    split_command,
+)
 from gsedit.errors import UsageError
 from gsedit.select.drawn import read_mask
 
@@ -121,8 +129,6 @@ def _free(batch: EditBatch) -> list[int]:
 # ---- masks ---------------------------------------------------------------------------------------
 
 MASK_FIELDS = ("input", "output", "phrase", "python")
-MASK_OPTION = "--masks-run"
-MASK_EXAMPLE = f'{MASK_OPTION} "my_segmenter {{input}} {{output}} {{phrase}}"'
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +149,7 @@ class MaskCommand:
         """Raise UsageError without such a program, or for a phrase it cannot be given."""
         if "\0" in phrase:
             raise UsageError("the phrase has a NUL character in it, which no program is given")
-        check_program(split_command(self.run, MASK_FIELDS, MASK_EXAMPLE)[0], MASK_OPTION)
+        check_program(split_command(self.run, MASK_FIELDS, MASK_EXAMPLE)[0], "--masks-run")
 
     def masks(
         self, pictures: Sequence[Float[Tensor, "_ _ 3"]], phrase: str
