@@ -10,11 +10,10 @@ from importlib.util import find_spec
 import pytest
 import torch
 from closeness import NETWORK, assert_near
-from tiny_models import tiny_unet, tiny_vae
+from tiny_models import tiny_unet
 
-from gsedit.diffusion.memory import peak_bytes
 from gsedit.errors import GseditError, UsageError
-from gsedit.models import model, runtime
+from gsedit.models import runtime
 from gsedit.models.runtime import in_torch, make_runtime
 from gsedit.models.stable_diffusion import _predicted
 
@@ -63,22 +62,6 @@ def test_equal_to_torch_whatever_the_number_of_rows(unet, monkeypatch):
         given = inputs(rows)
         close(run(_predicted, unet, *given), in_torch(_predicted, unet, *given))
     assert len(traced) == 1
-
-
-def test_autoencoder_is_equal_to_torch():
-    with torch.random.fork_rng():
-        torch.manual_seed(0)
-        vae = tiny_vae().eval().requires_grad_(False)
-    latents = torch.randn(2, 4, 4, 4, generator=torch.Generator().manual_seed(0))
-    found = model.decoded(runtime.OpenVino(), vae, latents, 1)
-    close(found, model.decoded(in_torch, vae, latents, 1))
-
-
-def test_a_network_is_traced_while_its_memory_is_counted():
-    layer, x = torch.nn.Linear(4, 4).requires_grad_(False), torch.ones(2, 4)
-    run, found = runtime.OpenVino(), []
-    peak_bytes(lambda: found.append(run(linear, layer, x)))
-    close(found[0], layer(x))
 
 
 def test_second_start_reads_the_graph_and_a_damaged_one_is_made_again(cache, monkeypatch):
@@ -177,20 +160,6 @@ def test_auto_leaves_to_torch_what_does_not_fit_into_memory(monkeypatch):
     close(run(linear, layer, x), layer(x))
     with pytest.raises(GseditError, match="GB are free: add --runtime torch"):
         run.openvino(linear, layer, x)
-
-
-def test_auto_goes_on_in_torch_where_memory_has_run_out(monkeypatch):
-    monkeypatch.setattr(runtime, "LEAST_WEIGHTS", 0)
-    layer, x = torch.nn.Linear(4, 4).requires_grad_(False), torch.ones(2, 4)
-
-    def full(forward, network, x):
-        raise GseditError("memory")
-
-    run = runtime.Faster(full)
-    key = (linear, "f32", (4,))
-    run.chosen[layer] = {key: "openvino: faster"}
-    close(run(linear, layer, x), layer(x))
-    assert run.chosen[layer][key].startswith("torch")
 
 
 def test_networks_are_not_kept_alive_and_what_was_compiled_goes_with_them():

@@ -191,13 +191,3 @@ def test_the_list_survives_them_all(packages):
     assert result.exit_code == 0
     assert "torn         not ready (from torn)" in result.stdout
     assert "Traceback" not in result.output
-
-
-def test_a_third_party_s_editor_from_the_command_line(packages, tmp_path):
-    scene = tmp_path / "scene.ply"
-    result = gsedit("edit", scene, "turn round", "-o", tmp_path / "out", "--editor", "torn")
-    assert result.exit_code == 1
-    assert "cannot be made" in result.stderr
-    result = gsedit("edit", scene, "turn round", "-o", tmp_path / "out", "--editor", "nobody")
-    assert result.exit_code == 2
-    assert "see gsedit list editors" in result.stderr

@@ -69,10 +69,3 @@ def test_looks_of_one_pass_are_as_apart(small):
     for each, look in zip(together, (1, 0)):
         apart = predict(network, x, 2.0, picture, look=look)
         assert_near(each, apart, NETWORK)
-
-
-def test_views_do_not_influence_each_other(small):
-    x, picture = noise(3, CHANNELS, 8, 8), noise(3, CHANNELS, 8, 8, seed=1)
-    together = predict(small.network, x, 1.0, picture)
-    alone = [predict(small.network, x[i : i + 1], 1.0, picture[i : i + 1]) for i in range(3)]
-    assert_near(together, torch.cat(alone), NETWORK)

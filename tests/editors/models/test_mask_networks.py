@@ -84,13 +84,6 @@ def test_grounding_dino_and_sam_are_equal_to_transformers(grounded, monkeypatch)
     assert expected.std() > 1e-4
 
 
-def test_a_picture_without_a_box_has_an_empty_mask(grounded, monkeypatch):
-    _, (first, second) = grounded
-    monkeypatch.setattr(networks, "BOX_SCORE", 1.0)
-    provider = make_masks("grounded-sam", model=str(first), sam=str(second))
-    assert [mask.any().item() for mask in provider.masks(pictures(), PHRASE)] == [False, False]
-
-
 def test_phrases_that_no_network_can_read(clipseg, grounded):
     _, (first, second) = grounded
     providers = (
