@@ -45,9 +45,9 @@ def edit(
     draws what no route does. Where they take turns, the result is that of the last one. With an
     editor, a strategy, features, or a setting other than `region` and `execution`, the 2D editor
     (`small` if none is given) draws all of it: see `edit_steps`.
-    `masks` finds what sentences name ("the chair", gsedit.editors.masks); without it a noun alone
-    is the subject. Raises UsageError for a sentence that is refused, and for masks where the 2D
-    editor draws all of it.
+    `masks` finds what sentences name ("the chair", see `gsedit.editors.make_masks`); without it a
+    noun alone is the subject. Raises UsageError for a sentence that is refused, and for masks where
+    the 2D editor draws all of it.
     """
     request: dict[str, Any] = {"dataset": dataset, "settings": settings, "features": features}
     request["generator"] = generator or torch.Generator().manual_seed(0)

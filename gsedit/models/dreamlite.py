@@ -9,7 +9,7 @@ them) and features.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import torch
 import torch.nn.functional as F
@@ -126,6 +126,7 @@ class DreamLite(Model):
     reader: Reader
     scheduler: FlowScheduler
     distilled: bool
+    of_each_view: ClassVar[tuple[str, ...]] = ("images", "text", "null")
     predicts: Prediction = "flow"
 
     @property
@@ -166,14 +167,6 @@ class DreamLite(Model):
 
     def _read(self, originals: Float[Tensor, "v h w 3"], text: str) -> Float[Tensor, "v l d"]:
         return self.reader.features(originals, text, self.micro_batch)
-
-    def of_views(self, condition: Condition, views: slice) -> Condition:
-        null = condition.null
-        return condition._replace(
-            images=condition.images[views],
-            text=condition.text[views],
-            null=None if null is None else null[views],
-        )
 
     def predict(
         self, x: Float[Tensor, "b c y x"], t: float, condition: Condition, need: Need

@@ -215,9 +215,9 @@ def find(
         )
     if find_spec("huggingface_hub") is None:
         raise UsageError("a hub id needs huggingface_hub: pip install 'gsedit[diffusers]'")
-    cached = _cached(model, INDEX)
-    if cached is not None and (offline or not any(part.problem for part in inspect(cached))):
-        return cached
+    here = cached(model, INDEX)
+    if here is not None and (offline or not any(part.problem for part in inspect(here))):
+        return here
     try:
         if offline:
             raise ConnectionError("the hub is not asked")
@@ -292,8 +292,8 @@ def settings_for(file: Path, family: Family, *, yes: Consent = False) -> Path:
     small = [INDEX, "*/*.json", "*/*.txt"]
     offer = f"{file} is a single file: its settings are those of {family.example}, 3 MB"
     move = f"put a folder {file.stem} with {INDEX} and the settings beside it"
-    if (cached := _cached(family.example, "unet/config.json")) is not None:
-        return cached
+    if (here := cached(family.example, "unet/config.json")) is not None:
+        return here
     if not (yes(offer) if callable(yes) else yes):
         raise UsageError(f"{offer}: add --yes to download them, or {move}")
     from huggingface_hub import snapshot_download
@@ -304,10 +304,12 @@ def settings_for(file: Path, family: Family, *, yes: Consent = False) -> Path:
         raise InputError(f"{offer}, could not be downloaded ({_reason(error)}): {move}") from error
 
 
-def _cached(model: str, name: str) -> Path | None:
+def cached(model: str, name: str) -> Path | None:
     """The folder of the hub's cache, whole or not; None where that lacks a file of this name."""
     from huggingface_hub import try_to_load_from_cache
 
+    if not HUB_ID.fullmatch(model):
+        return None
     found = try_to_load_from_cache(**_named(model), filename=name)
     return Path(found).parents[name.count("/")] if isinstance(found, str) else None
 

@@ -7,7 +7,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import torch
 from jaxtyping import Float, Int
@@ -56,6 +56,7 @@ class Klein(Model):
     flow: FlowScheduler
     distilled: bool = True
     """Without guidance: the branch of the instruction is all there is."""
+    of_each_view: ClassVar[tuple[str, ...]] = ("reference",)
     predicts: Prediction = "flow"
 
     @property
@@ -106,9 +107,6 @@ class Klein(Model):
         reference = packed(self.encode(originals)).to(self.transformer.dtype)
         text, *null = self.read_once(self._embed, prompt, *([] if self.distilled else [""]))
         return Condition(reference, text, null[0] if null else None)
-
-    def of_views(self, condition: Condition, views: slice) -> Condition:
-        return condition._replace(reference=condition.reference[views])
 
     def predict(
         self, x: Float[Tensor, "b c y x"], t: float, condition: Condition, need: Need

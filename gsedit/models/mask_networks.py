@@ -17,7 +17,7 @@ from torch.nn.functional import interpolate
 
 from gsedit.errors import InputError, UsageError
 from gsedit.formats.pictures import as_picture
-from gsedit.models.hub import settings_in
+from gsedit.models.hub import cached, settings_in
 from gsedit.models.loading import explained, quiet
 from gsedit.models.model import tokens_over
 
@@ -146,17 +146,13 @@ def _loaded(place: str | Path, model_type: str, kind: Any) -> tuple[Any, Any]:
 def _folder(place: str | Path, example: str) -> Path:
     """The folder itself, or that of the hub's cache. Raises InputError where neither is there."""
     folder = Path(place).expanduser()
-    if folder.is_dir():
-        return folder
-    from huggingface_hub import snapshot_download
-
-    try:
-        return Path(snapshot_download(str(place), local_files_only=True, allow_patterns=["*.json"]))
-    except Exception as error:  # its library has no common base of errors; nothing is there
+    found = folder if folder.is_dir() else cached(str(place), "config.json")
+    if found is None:
         raise InputError(
             f"{place}: there is no such folder, nor is it in the hub's cache: run hf download "
             f"{example} --local-dir FOLDER, and name that"
-        ) from error
+        )
+    return found
 
 
 def _as_asked(phrase: str) -> str:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, ClassVar, NamedTuple, TypeVar
 
 import torch
 from jaxtyping import Float, Int
@@ -71,6 +71,8 @@ class Model(ABC):
     """Views in one pass of a network: memory against speed; the result is the same."""
     name: str = "pix2pix"
     padding: PadMode = "mirror"
+    of_each_view: ClassVar[tuple[str, ...]] = ("images",)
+    """Fields of a condition whose rows are views."""
     texts: dict[str, Any] = field(default_factory=dict, repr=False)
     """Features of texts that were read, see `read_once`; copies of this model share them."""
 
@@ -111,12 +113,13 @@ class Model(ABC):
     def condition(
         self, originals: Float[Tensor, "v h w 3"], prompt: str, generator: torch.Generator
     ) -> Any:
-        """Everything that no step changes. Its leading dimension, where it has one, is `v`: see
-        `of_views`."""
+        """Everything that no step changes, as a NamedTuple: see `of_each_view`."""
 
-    @abstractmethod
     def of_views(self, condition: Any, views: slice) -> Any:
         """The part of a condition that belongs to some of its views."""
+        parts = {name: getattr(condition, name) for name in self.of_each_view}
+        own = {name: None if part is None else part[views] for name, part in parts.items()}
+        return condition._replace(**own)
 
     @abstractmethod
     def predict(

@@ -60,7 +60,7 @@ def noise_of(config: Mapping[str, Any], place: Path) -> Noise:
 
     Raises InputError, which begins with the place, for a schedule that is not supported.
     """
-    from diffusers import DDIMScheduler
+    from diffusers.schedulers.scheduling_ddim import DDIMScheduler
 
     name = config.get("_class_name")
     if name not in SCHEDULERS or config.get("use_flow_sigmas"):
@@ -72,7 +72,8 @@ def noise_of(config: Mapping[str, Any], place: Path) -> Noise:
     if given["prediction_type"] not in PREDICTIONS:
         raise InputError(f"{place}: prediction_type is not {' or '.join(PREDICTIONS)}")
     with explained(str(place)):
-        alphas = DDIMScheduler.from_config(given).alphas_cumprod.double()
+        scheduler: Any = DDIMScheduler.from_config(given)
+        alphas = scheduler.alphas_cumprod.double()
     if not (alphas.diff() < 0).all() or not 0 <= alphas[-1] <= alphas[0] < 1:
         raise InputError(f"{place}: its betas make no noise that grows from 0 to 1: correct them")
     spacing = "trailing" if given.get("timestep_spacing") == "trailing" else None
@@ -179,9 +180,6 @@ class Pix2Pix(Model):
             null = TextFeatures(torch.zeros_like(text.tokens), torch.zeros_like(text.pooled))
         height, width = originals.shape[1:3]
         return Condition(self.mode(originals), text, null, (height, width))
-
-    def of_views(self, condition: Condition, views: slice) -> Condition:
-        return condition._replace(images=condition.images[views])
 
     def predict(
         self, x: Float[Tensor, "b c y x"], t: float, condition: Condition, need: Need
