@@ -20,6 +20,7 @@ from gsedit.storage.json_files import object_of, read_json
 INDEX = "model_index.json"
 TEXTS = (".json", ".txt", ".model", ".jinja")
 """Ends of the files of settings and tokenizers."""
+USED = (*TEXTS, ".safetensors")
 PICKLES = (".bin", ".ckpt", ".pt", ".pth")
 NO_PICKLE = "a pickle runs whatever code is in it when it is opened, so gsedit opens none"
 AGAIN = "download it again"
@@ -324,10 +325,11 @@ def download_advice(model: str) -> str:
     """How to bring a model of the hub to a machine without a network."""
     name, _, revision = model.partition("@")
     of = f" --revision {revision}" if revision else ""
+    patterns = [f"--include '{each}'" for each in (INDEX, *(f"*/*{end}" for end in USED))]
+    patterns += [f"--exclude '{each}'" for each in ("*.fp16*", "*.non_ema*", "safety_checker/*")]
     return (
         f"where there is a network, run: hf download {name}{of} --local-dir FOLDER "
-        "--exclude '*.bin' '*.ckpt' '*.fp16*' '*.non_ema*'; then bring FOLDER here and add "
-        "--model FOLDER"
+        f"{' '.join(patterns)}; then bring FOLDER here and add --model FOLDER"
     )
 
 

@@ -9,7 +9,7 @@ from gsedit.words.instruction import Change
 from gsedit.words.looks import LOOKS, Look, look_of
 from gsedit.words.read import read_instruction
 
-KNOWN = f"small knows the looks {', '.join(LOOKS)}. For any sentence: --editor pix2pix"
+KNOWN = f"small knows the looks {', '.join(LOOKS)}"
 """End of a refusal: everything that may be asked for."""
 
 
@@ -37,7 +37,10 @@ def _look_for(change: Change) -> Look:
     if look is None:
         own = "; gsedit does it without a 2D editor: leave the options of editors out"
         able = change.route not in ("small", "pix2pix")
-        raise UsageError(f"small has no look for {change}{own * able}. {KNOWN}")
+        raise UsageError(
+            f"small has no look for {change}{own * able}. For any sentence: --editor pix2pix "
+            f"--model FOLDER. {KNOWN}"
+        )
     if change.target == "background" or (look.scope == "subject" and change.target == "scene"):
         part = "the subject" if look.scope == "subject" else "the whole picture"
         raise UsageError(
