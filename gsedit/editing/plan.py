@@ -14,8 +14,8 @@ from gsedit.paper.settings import EditSettings
 from gsedit.words.called import read_called
 from gsedit.words.direct import UNCLEAR
 from gsedit.words.instruction import Change, Instruction
+from gsedit.words.looks import look_of
 from gsedit.words.phrases import GROUNDS
-from gsedit.words.small_looks import look_of
 
 EXACT_ROUTES = ("tone", "paint", "material", "light", "scenery", "object")
 """Routes that change the Gaussians themselves."""

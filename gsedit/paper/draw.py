@@ -17,7 +17,7 @@ from gsedit.paper.actions import RollbackAction
 from gsedit.paper.estimate import Estimate, estimate_edit
 from gsedit.paper.evaluate import Drawing, evaluate_edit
 from gsedit.paper.progress import start_progress
-from gsedit.paper.request import Request, asks_editor, request_record, uses_all_views
+from gsedit.paper.request import Request, request_record, uses_all_views
 from gsedit.paper.session import Session
 from gsedit.paper.skips import (
     TERMINAL_COLUMNS,
@@ -145,10 +145,6 @@ def explain_skips(session: Session) -> tuple[Decision, ...]:
 
 def start_session(request: Request) -> Generator[Event, None, Session]:
     """The session of a new edit; its optimizer is at the unedited scene."""
-    if asks_editor(request.strategy):
-        note = request.editor.capabilities.advice(request.prompt)
-        if note:
-            yield Event("advice", 0.0, note=note)
     stopwatch = Stopwatch()
     noise_seed = int(torch.randint(1 << 31, (), generator=request.generator))
     session = yield from _session(request, stopwatch, noise_seed)

@@ -174,7 +174,6 @@ REFUSED = """
 2 | edit scene.ply 'remove it' --data photos --region all -o out | whole scene
 2 | EDIT --preview -o out | .png
 2 | EDIT --preview -o taken.png | exists
-2 | edit scene.ply 'paint it red' --data photos --seeds 3 | one result
 2 | ROOM 'paint it teal' CLICK --region all -o out | leave one out
 2 | ROOM 'paint it teal' --at view_0:20 -o out | a column and a row
 2 | ROOM 'paint it teal' --at 0:1,1 -o out | nothing is at
