@@ -18,12 +18,11 @@ from torch import Tensor
 
 from gsedit.cameras.place import Place
 from gsedit.light.color_change import ColorChange, only_inside, step
-from gsedit.light.present import Survey, survey
+from gsedit.light.present import OFFSET_PIXELS, Surface, Survey, survey
 from gsedit.light.setup import Fog, Lamp, LightSetup, Sun
-from gsedit.light.shadows import SHARP, lit_share, parallel_map, spot_map, sun_directions
-from gsedit.light.surface import OFFSET_PIXELS, Surface
 from gsedit.scene.color_space import LUMINANCE
 from gsedit.scene.quantiles import weighted_quantile
+from gsedit.surface.shadows import SHARP, lit_share, parallel_map, spot_map, sun_directions
 from gsedit.toolkit.grade import GAMMA
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, SH_DC, Execution, sh_to_color

@@ -14,8 +14,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.materials.material import Material
 from gsedit.materials.patterns import Ground, share_of
+from gsedit.materials.table import Material
 from gsedit.scene.color_space import linear_of_srgb, srgb_of_hex
 from gsedit.scene.quaternions import even_directions
 from gsedit.surface.directions import look_up

@@ -14,12 +14,9 @@ from gsedit.light.named import LIGHTS
 from gsedit.light.present import survey
 from gsedit.light.relight import relit_by
 from gsedit.light.setup import Fog, LightSetup, Sun
-from gsedit.scenery.cover import desert, frost, snow
-from gsedit.scenery.drawings import penciled, sketch, watercolor
-from gsedit.scenery.gloss import glossy
-from gsedit.scenery.seasons import autumn, spring, summer
+from gsedit.scenery.effects import autumn, caustics, desert, frost, snow, spring, summer, wet
 from gsedit.scenery.setting import Setting
-from gsedit.scenery.water import caustics, wet
+from gsedit.scenery.sheens import glossy, penciled, sketch, watercolor
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians

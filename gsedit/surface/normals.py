@@ -97,6 +97,15 @@ def rows_near(means: Float[Tensor, "n 3"]) -> Int[Tensor, "n k"]:
     return torch.from_numpy(nearest(means.float().cpu().numpy())[1])
 
 
+def neighbor_means(
+    values: Float[Tensor, "n ..."], rows: Int[Tensor, "n k"], rounds: int
+) -> Float[Tensor, "n ..."]:
+    """Means of values over each point and its nearest, `rounds` times one after the other."""
+    for _ in range(rounds):
+        values = (values + values[rows].sum(1)) / (1 + rows.shape[1])
+    return values
+
+
 def shortest_axes(scene: Gaussians) -> Float[Tensor, "n 3"]:
     """The shortest axes of either sign; their length is 1 - shortest / middle standard deviation,
     how flat a Gaussian is: a ball or a needle says nothing of a surface."""

@@ -12,13 +12,11 @@ from bench.reflective import Finish, LitSolid, captured, garden, plain_base
 
 from gsedit.editing.routes.apply import apply_change, apply_instruction
 from gsedit.errors import UsageError
-from gsedit.materials.apply import displayed, fitted, in_material
-from gsedit.materials.carving import Relief, engraved
-from gsedit.materials.material import Layer, Material, PatternName, recolored
+from gsedit.materials.apply import Relief, displayed, engraved, fitted, in_material
 from gsedit.materials.named import material_of
 from gsedit.materials.patterns import Ground, share_of
 from gsedit.materials.shading import environment_brdf
-from gsedit.materials.table import MATERIALS
+from gsedit.materials.table import MATERIALS, Layer, Material, PatternName, recolored
 from gsedit.scene.picture import render_picture
 from gsedit.scene.quaternions import even_directions
 from gsedit.select.region import Region

@@ -7,9 +7,7 @@ import pytest
 import torch
 
 from gsedit.errors import UsageError
-from gsedit.objects.bending import nodes
-from gsedit.objects.bending.bend import Handle, bend, carried
-from gsedit.objects.bending.click import point_at
+from gsedit.objects.bending.bend import Handle, bend, carried, point_at
 from gsedit.scene.quaternions import axis_rotation, rotate_sh, rotate_sh_each
 from gsedit.scene.similarity import Similarity
 from gsedit.toolkit.transform import transform
@@ -19,11 +17,6 @@ from rasterizer.project import rotation_matrices
 from rasterizer.scene import Gaussians
 
 AXIS, DEGREES, SHIFT = np.array((0.3, -1.0, 0.5)), 55.0, np.array((0.4, -0.2, 1.1))
-
-
-@pytest.fixture(autouse=True)
-def few_nodes(monkeypatch):
-    monkeypatch.setattr(nodes, "NODES", 120)
 
 
 def bar(count=1500, seed=0, degree=2):

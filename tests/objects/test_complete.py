@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gsedit.objects.removal.complete import complete
-from gsedit.objects.removal.labels import best_labels
-from gsedit.objects.removal.membrane import pixel_pairs, solve_membrane
+from gsedit.objects.removal.complete import best_labels, complete, pixel_pairs, solve_membrane
 from gsedit.objects.removal.shade import find_shade
 
 ROWS, COLUMNS = np.mgrid[:64, :64]

@@ -9,8 +9,7 @@ from bench.staged import stage as stage_of
 
 from gsedit.cameras.orbit import orbit
 from gsedit.errors import UsageError
-from gsedit.objects.growth import grow as growing
-from gsedit.objects.growth.grow import grow
+from gsedit.objects.growth.grow import MOST_NEW, grow
 from gsedit.objects.growth.table import GROWTHS
 from gsedit.objects.outcome import NEW
 from gsedit.synthetic.paint import plain
@@ -65,7 +64,7 @@ def test_rows_keep_their_places_and_what_is_not_changed_its_bits(name):
     assert after.origin[:count].tolist() == list(range(count))
     assert bool((after.origin[count:] == NEW).all())
     assert bool(after.changed[count:].all())
-    assert 0 < len(after.scene) - count <= growing.MOST_NEW
+    assert 0 < len(after.scene) - count <= MOST_NEW
     assert f"{len(after.scene) - count:,} Gaussians were added" in after.notes[0]
     kept = ~after.changed[:count]
     for field in fields(Gaussians):
@@ -179,12 +178,6 @@ def test_growth_is_the_same_every_time_and_needs_no_cameras():
     first, second = (grow(stage(), "leaves", 0.5) for _ in range(2))  # no cameras
     for field in fields(Gaussians):
         assert torch.equal(getattr(first.scene, field.name), getattr(second.scene, field.name))
-
-
-def test_the_number_of_new_gaussians_is_bounded(monkeypatch):
-    monkeypatch.setattr(growing, "MOST_NEW", 3000)
-    after = grow(stage(), "moss", 2.0, None, cameras())
-    assert 0 < len(added(after)) <= 3000
 
 
 @pytest.mark.parametrize(

@@ -14,10 +14,9 @@ from gsedit.cameras.place import place_of
 from gsedit.errors import UsageError
 from gsedit.objects import Placement, RelativePlace, insert, place, remove
 from gsedit.objects.outcome import NEW, same
-from gsedit.objects.placing.arrival import main_object
-from gsedit.objects.placing.daylight import daylight, shaded
+from gsedit.objects.placing.daylight import Sun, daylight, shaded, sun_of
+from gsedit.objects.placing.insert import main_object
 from gsedit.objects.placing.stance import stance_of
-from gsedit.objects.placing.sun import Sun, sun_of
 from gsedit.scene.similarity import IDENTITY
 from gsedit.scene.table import gaussians_of, table_of
 from rasterizer.numerics import sh_to_color

@@ -16,8 +16,7 @@ from gsedit.errors import UsageError
 from gsedit.objects import remove
 from gsedit.objects.outcome import Outcome
 from gsedit.objects.removal.cells import rectangle_around
-from gsedit.objects.removal.mirrored import mirrored_under
-from gsedit.objects.removal.resting import resting_on
+from gsedit.objects.removal.remains import mirrored_under, resting_on
 from rasterizer.camera import Camera
 from rasterizer.numerics import color_to_sh, sh_to_color
 from rasterizer.render import render

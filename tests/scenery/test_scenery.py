@@ -11,9 +11,8 @@ import torch
 from gsedit.editing.routes.apply import apply_change
 from gsedit.errors import UsageError
 from gsedit.light.present import survey
-from gsedit.scenery.cover import snow
+from gsedit.scenery.effects import autumn, snow
 from gsedit.scenery.named import SCENERIES, in_scenery
-from gsedit.scenery.seasons import autumn
 from gsedit.scenery.setting import Setting, greenness
 from gsedit.select.region import Region
 from gsedit.surface.noise import noise

@@ -14,17 +14,25 @@ from gsedit.cameras.orbit import perpendicular
 from gsedit.datasets.dataset import evenly_spaced
 from gsedit.errors import UsageError
 from gsedit.light.present import Survey, survey
-from gsedit.light.shadows import WIDE
-from gsedit.objects.growth.bodies import hidden, layer, leaves, tufts
-from gsedit.objects.growth.buried import buried, in_colors_of
-from gsedit.objects.growth.layer import Patch, covered, thickness
+from gsedit.objects.growth.bodies import (
+    Patch,
+    buried,
+    covered,
+    hidden,
+    in_colors_of,
+    layer,
+    leaves,
+    thickness,
+    tufts,
+)
 from gsedit.objects.growth.spots import Site
 from gsedit.objects.growth.table import Growth, growth_of
 from gsedit.objects.outcome import NEW, Outcome, check_finite
+from gsedit.objects.placing.daylight import Sun, sun_of
 from gsedit.objects.placing.stance import stance_of
-from gsedit.objects.placing.sun import Sun, sun_of
 from gsedit.scenery.setting import Setting
 from gsedit.surface.relief import relief_of
+from gsedit.surface.shadows import WIDE
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution, color_to_sh, sh_to_color
 from rasterizer.render import render

@@ -10,9 +10,8 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from gsedit.light.color_change import step
-from gsedit.light.present import received
-from gsedit.light.surface import Surface
-from gsedit.objects.placing.sun import Sun, shadow_of
+from gsedit.light.present import Surface, received
+from gsedit.objects.placing.daylight import Sun, shadow_of
 from gsedit.scene.color_space import LUMINANCE
 from gsedit.scene.neighbors import k_nearest
 from gsedit.scene.quantiles import weighted_quantile

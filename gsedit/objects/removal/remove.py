@@ -18,14 +18,19 @@ from gsedit.cameras.paths import up_of
 from gsedit.datasets.dataset import evenly_spaced
 from gsedit.errors import UsageError
 from gsedit.objects.outcome import NEW, Outcome, check_finite
-from gsedit.objects.removal.backdrop import backdrop, find_gap
 from gsedit.objects.removal.cells import widened
-from gsedit.objects.removal.draw import Draw
-from gsedit.objects.removal.fill import filled
-from gsedit.objects.removal.mirrored import mirrored_under
-from gsedit.objects.removal.resting import resting_on
+from gsedit.objects.removal.complete import Draw
+from gsedit.objects.removal.fill import backdrop, filled, find_gap
+from gsedit.objects.removal.remains import (
+    AROUND,
+    core_of,
+    mirrored_under,
+    resting_on,
+    strays,
+    tidied,
+)
 from gsedit.objects.removal.shade import find_shade
-from gsedit.objects.removal.sheet import Sheet
+from gsedit.objects.removal.sheet import Object, Sheet, find_sheet, standing
 from gsedit.objects.removal.sight import (
     Sight,
     Views,
@@ -34,9 +39,6 @@ from gsedit.objects.removal.sight import (
     look,
     look_again,
 )
-from gsedit.objects.removal.strays import AROUND, strays
-from gsedit.objects.removal.tidy import core_of, tidied
-from gsedit.objects.removal.uncover import Object, find_sheet, standing
 from gsedit.objects.removal.walls import SMALLEST, Plane, find_planes
 from gsedit.scene.cache import cached_per_scene
 from gsedit.scene.neighbors import k_nearest
