@@ -20,7 +20,7 @@ from gsedit.scene.cache import cached_per_scene
 from gsedit.scene.color_space import LUMINANCE, lab_of_srgb, linear_of_srgb
 from gsedit.scene.neighbors import nearest
 from gsedit.surface.normals import estimate_normals, neighbor_means
-from gsedit.surface.shadows import SMALL_SKY, casters, lit_share, parallel_map, sky_directions
+from gsedit.surface.shadows import casters, open_share, sky_directions
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution, sh_to_color
 from rasterizer.scene import Gaussians
@@ -28,8 +28,6 @@ from rasterizer.scene import Gaussians
 SKY_REACH = 0.5
 """Distance, in the radius, up to which something hides the sky: farther off, captures hold
 ceilings and haze."""
-OFFSET_PIXELS = 1.0
-"""Distance above the surface, in pixels of a depth map, at which light is asked for."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,14 +70,11 @@ def surface_of(
     points = scene.means.detach().double()
     directions = sky_directions(place)
     occluders = casters(scene, place)
-    lifted = points + OFFSET_PIXELS * 2 * place.radius / SMALL_SKY * unit
-    columns = []
-    for direction in directions:
-        seen = parallel_map(occluders, place, direction, SMALL_SKY, execution)
-        columns.append(lit_share(seen, lifted, SKY_REACH * place.radius))
+    reach = SKY_REACH * place.radius
+    seen = open_share(occluders, place, points, directions, execution, normals=unit, reach=reach)
     near = torch.from_numpy(nearest(scene.means.detach().float().numpy())[1])
     return Surface(
-        points, unit, normals.confidence.double(), near, directions, torch.stack(columns, 1),
+        points, unit, normals.confidence.double(), near, directions, seen,
         occluders, place,
     )  # fmt: skip
 

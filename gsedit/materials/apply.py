@@ -21,8 +21,8 @@ from gsedit.cameras.paths import up_of
 from gsedit.datasets.dataset import evenly_spaced
 from gsedit.errors import UsageError
 from gsedit.materials.patterns import Ground, coverage
-from gsedit.materials.present import USUAL_ALBEDO, Received, are_too_dark, as_shaded
 from gsedit.materials.shading import (
+    RAYS,
     Lighting,
     Skin,
     arriving,
@@ -30,18 +30,23 @@ from gsedit.materials.shading import (
     everywhere,
     lighting,
     outgoing,
-    rays_of,
+    ray_directions,
     reflectance,
 )
 from gsedit.materials.table import Material
 from gsedit.scene.cache import cached_per_scene
 from gsedit.scene.color_space import LUMINANCE, linear_of_srgb, srgb_of_linear
 from gsedit.scene.framing import guess_up
+from gsedit.scene.quantiles import ends
 from gsedit.scene.quaternions import even_directions, turn_between
-from gsedit.surface.directions import FAINT
 from gsedit.surface.normals import estimate_normals, neighbor_means, rows_near
-from gsedit.surface.occlusion import nothing, occupancy
+from gsedit.surface.shadows import past_body
 from gsedit.surface.surroundings import (
+    FAINT,
+    USUAL_ALBEDO,
+    Received,
+    are_too_dark,
+    as_shaded,
     balanced,
     find_surroundings,
     middle,
@@ -274,24 +279,24 @@ def study(
     ground = Ground(
         (part.means - center) @ turn.T / max(radius, FAINT), normals @ turn.T, relief.hollow
     )
-    skin = Skin(part.means, normals, relief.detail)
     sure = float(found.confidence.median())
     if (eyes := _eyes_within(part, cameras)) is not None:
         around = surroundings_at(scene, eyes, NEAR_EYES * radius, up, execution, cameras)
-        light = lighting(balanced(around), nothing(part), matte)
+        light = lighting(balanced(around), matte)
+        skin = Skin(part.means, normals, relief.detail, torch.ones(len(part), RAYS))
         level = (relief.luminance / USUAL_ALBEDO).clamp(*LEVELS)[:, None, None]
         return Studied(light, skin, ground, level.expand(-1, 2, 3), sure, ())
-    grid = occupancy(part)
-    rays = rays_of(grid, skin)
+    open_ = past_body(part, part.means, ray_directions().double(), execution, normals)
+    skin = Skin(part.means, normals, relief.detail, open_.to(normals))
     around = find_surroundings(scene, inside, up, execution, cameras)
-    dim = False
+    dim, directions = False, ray_directions().to(normals)
     if not around.studio:
         weight = visible_area(part) if weights is None else weights[inside]
-        shown = Received(relief.color, rays.share, weight)
-        dim = are_too_dark(around, shown, rays.directions)
-        around = with_studio(around, up) if dim else as_shaded(around, shown, rays.directions)
-    light = lighting(balanced(around), grid, matte)
-    sides = torch.cat([arriving(light, skin[rows], rays[rows]) for rows in _parts(len(part))])
+        shown = Received(relief.color, skin.share, weight)
+        dim = are_too_dark(around, shown, directions)
+        around = with_studio(around, up) if dim else as_shaded(around, shown, directions)
+    light = lighting(balanced(around), matte)
+    sides = torch.cat([arriving(light, skin[rows]) for rows in _parts(len(part))])
     notes = (STUDIO,) if around.studio else (DIM,) if dim else ()
     return Studied(light, skin, ground, sides, sure, notes)
 
@@ -302,8 +307,7 @@ def _eyes_within(part: Gaussians, cameras: Sequence[Camera]) -> Float[Tensor, "3
     if not cameras:
         return None
     eyes = torch.stack([camera.center for camera in cameras]).to(part.means)
-    ends = part.means.sort(0).values
-    low, high = (ends[int(share * (len(part) - 1))] for share in (0.1, 0.9))
+    low, high = ends(part.means, 0.1)
     inside = ((eyes > low) & (eyes < high)).all(-1)
     return eyes.mean(0) if float(inside.float().mean()) > 0.5 else None
 

@@ -1,28 +1,196 @@
-"""Weather and seasons by name: the light they come in, then what they do to surfaces."""
+"""Weather and seasons by name: the light they come in, then what they do to surfaces, as covers,
+leaves and water. `n` Gaussians.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
 from gsedit.errors import UsageError
-from gsedit.light.color_change import ColorChange, only_inside
-from gsedit.light.named import LIGHTS
+from gsedit.light.named import LIGHTS, Fog, LightSetup, Sun
 from gsedit.light.present import survey
-from gsedit.light.relight import relit_by
-from gsedit.light.setup import Fog, LightSetup, Sun
-from gsedit.scenery.effects import autumn, caustics, desert, frost, snow, spring, summer, wet
-from gsedit.scenery.setting import Setting
-from gsedit.scenery.sheens import glossy, penciled, sketch, watercolor
+from gsedit.light.relight import ColorChange, only_inside, relit_by, step
+from gsedit.scenery.setting import CLUMP, LEAF, Setting
+from gsedit.scenery.sheens import glossy, penciled, puddles, sketch, watercolor, wetness
+from gsedit.toolkit.grade import GAMMA
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
 
+WHITE_SNOW, BLUE_SNOW = (1.0, 1.01, 1.03), (0.64, 0.74, 0.9)
+"""Display colors of snow in full light, and in its shade."""
+DRIFTS = 0.035
+"""Standard deviation of the brightness of drifts."""
+WINTER_SKY = (0.84, 0.87, 0.9)
+SAND, DARK_SAND = (0.89, 0.75, 0.53), (0.62, 0.46, 0.3)
+DESERT_SKY = (0.8, 0.83, 0.82)
+
+
+def snow(setting: Setting) -> ColorChange:
+    """Snow on what faces up and is open above; foliage is dusted, and steep sides stay."""
+    soft = setting.noise(3 * LEAF, 1)
+    lying = step(setting.rise + 0.1 * soft, 0.3, 0.62)
+    dusted = step(setting.noise(LEAF, 2) + 0.8 * setting.rise, -0.5, 0.7)
+    share = setting.sure * lying + (1 - setting.sure) * 0.85 * dusted
+    share = share * step(setting.overhead, 0.12, 0.55)
+    stems = setting.foliage * step(setting.noise(LEAF, 8), 0.2, 1.0)
+    share = setting.found.surface.smoothed(share * (1 - 0.7 * stems), 1) * 0.97
+    drifts = 1 + DRIFTS * setting.noise(3 * LEAF, 7)
+    color = _between(BLUE_SNOW, WHITE_SNOW, setting.lit(0.1, 0.7))
+    color = color * (setting.detail(0.35) * drifts)[:, None]
+    return _covered(setting, share, color, WINTER_SKY, 0.7, 0.9)
+
+
+def frost(setting: Setting) -> ColorChange:
+    """Thin white crystals: on leaves most, on what faces up, a little on all that is open."""
+    grain = step(setting.noise(LEAF / 2, 3) + 0.6 * setting.noise(2 * LEAF, 4), -1.2, 1.2)
+    leaves = 1 - 0.5 * setting.sure
+    share = (0.35 + 0.65 * grain) * leaves * (0.35 + 0.65 * step(setting.rise, -0.1, 0.8))
+    share = (1.5 * share * (0.3 + 0.7 * step(setting.overhead, 0.1, 0.6))).clamp_max(0.9)
+    color = _between((0.5, 0.64, 0.8), (0.86, 0.93, 0.99), setting.lit(0.15, 0.8))
+    return _covered(setting, share, color * setting.detail(0.5)[:, None], WINTER_SKY, 0.7, 0.96)
+
+
+def desert(setting: Setting) -> ColorChange:
+    """Sand on the ground, dust on the rest; foliage dries to straw."""
+    drift = step(setting.rise + 0.12 * setting.noise(4 * LEAF, 5), 0.45, 0.8)
+    around = setting.found.surface.points - setting.found.place.center
+    low = step(around @ setting.found.place.up / setting.found.place.distance, 0.05, -0.12)
+    ground = drift * (0.35 + 0.6 * low) * (0.3 + 0.7 * setting.sure)
+    dry = 0.85 * setting.foliage
+    share = 1 - (1 - ground) * (1 - dry) * (1 - 0.16)
+    color = _between(DARK_SAND, SAND, setting.lit(0.2, 0.9)) * setting.detail(0.6)[:, None]
+    ripples = 1 + 0.03 * setting.noise(LEAF, 6) * ground
+    return _covered(setting, share, color * ripples[:, None], DESERT_SKY, 0.9, 1.0)
+
+
+def _between(
+    low: tuple[float, ...], high: tuple[float, ...], share: Float[Tensor, " n"]
+) -> Float[Tensor, "n 3"]:
+    first, last = torch.tensor(low).double(), torch.tensor(high).double()
+    return first + share[:, None] * (last - first)
+
+
+def _covered(
+    setting: Setting,
+    share: Float[Tensor, " n"],
+    color: Float[Tensor, "n 3"],
+    sky: tuple[float, float, float],
+    saturation: float,
+    factor: float,
+) -> ColorChange:
+    """A cover over a scene, before a sky of a color; colors are as displayed in a light of 1."""
+    found = setting.found
+    present = found.surface.smoothed(found.light)
+    near = found.trust * found.seen
+    mean = (near @ present) / near.sum().clamp_min(1e-12)
+    present = mean + found.trust * (present - mean)
+    sky_part = 0.85 * setting.sky
+    veil = 1 - (1 - share) * (1 - sky_part)
+    mixed = ((1 - sky_part) * share * present ** (1 / GAMMA))[:, None] * color
+    mixed = mixed + sky_part[:, None] * torch.tensor(sky).double()
+    tint = mixed / veil.clamp_min(1e-12)[:, None]
+    ones = torch.full((len(share), 3), factor, dtype=torch.float64)
+    return ColorChange(saturation, ones, veil, tint)
+
+
+AUTUMN = ((0.36, 0.34, 0.1), (0.86, 0.62, 0.1), (0.88, 0.44, 0.08), (0.7, 0.2, 0.08),
+          (0.5, 0.3, 0.14))  # fmt: skip
+SPRING = ((0.42, 0.62, 0.2), (0.58, 0.74, 0.26), (0.66, 0.78, 0.36))
+SUMMER = ((0.16, 0.4, 0.1), (0.24, 0.5, 0.12), (0.36, 0.56, 0.14))
+BLOSSOM = ((1.0, 0.78, 0.87), (0.98, 0.6, 0.75))
+"""Display colors of foliage in middle light."""
+BRIGHTEST = 0.93
+"""Display color that foliage does not pass."""
+
+
+def autumn(setting: Setting) -> ColorChange:
+    """Leaves from green gold over orange to brown, by clump and by leaf."""
+    turned = 0.5 + 0.3 * setting.noise(CLUMP, 11) + 0.14 * setting.noise(LEAF, 12)
+    return _leaves(setting, ramp_of(AUTUMN, turned), 0.96)
+
+
+def spring(setting: Setting) -> ColorChange:
+    """Fresh leaves, and blossoms on some of the bushes."""
+    fresh = ramp_of(SPRING, 0.5 + 0.3 * setting.noise(CLUMP, 13) + 0.1 * setting.noise(LEAF, 14))
+    petals = step(setting.noise(3 * CLUMP, 15), -0.1, 0.15)  # finer ones mix to brown
+    petals = petals * (1 - step(setting.found.surface.confidence, 0.93, 0.99))
+    pink = ramp_of(BLOSSOM, 0.5 + 0.4 * setting.noise(CLUMP, 18))
+    return _leaves(setting, torch.lerp(fresh, pink, petals[:, None]), 0.96, petals)
+
+
+def summer(setting: Setting) -> ColorChange:
+    """Full, deep green leaves."""
+    deep = ramp_of(SUMMER, 0.5 + 0.3 * setting.noise(CLUMP, 19) + 0.1 * setting.noise(LEAF, 20))
+    return _leaves(setting, deep, 0.7)
+
+
+def ramp_of(
+    colors: tuple[tuple[float, float, float], ...], at: Float[Tensor, " n"]
+) -> Float[Tensor, "n 3"]:
+    """Colors along a ramp, from 0 to 1."""
+    table = torch.tensor(colors, dtype=torch.float64)
+    place = at.clamp(0, 1) * (len(table) - 1)
+    low = place.long().clamp_max(len(table) - 2)
+    return torch.lerp(table[low], table[low + 1], (place - low)[:, None])
+
+
+def _leaves(
+    setting: Setting,
+    color: Float[Tensor, "n 3"],
+    strength: float,
+    light: Float[Tensor, " n"] | None = None,
+) -> ColorChange:
+    """Foliage in other colors, as bright against each other as its leaves are; where `light` is 1,
+    as bright as the color is."""
+    leaves = setting.foliage
+    middle = setting.luminance[leaves > 0.5].median() if bool((leaves > 0.5).any()) else 0.2
+    shade = ((setting.luminance + 0.005) / (middle + 0.005)).clamp(0.05, 2.2) ** (1 / GAMMA)
+    if light is not None:
+        shade = torch.lerp(shade, shade.clamp_min(1.0), light)
+    lit = (color * shade[:, None]).clamp_max(BRIGHTEST)
+    ones = torch.ones(len(leaves), 3, dtype=torch.float64)
+    return ColorChange(1.0, ones, strength * leaves, lit)
+
+
+SOAKED = 0.62
+"""Share of its light that soaked stone or soil loses: water fills the pores that scatter it."""
+CAUSTIC = 0.55
+"""Gain of light where waves focus it."""
+
+
+def wet(setting: Setting) -> ColorChange:
+    """Soaked surfaces: darker and more saturated; standing water darkest."""
+    soaked = wetness(setting) * (1 - 0.6 * setting.foliage)
+    linear = 1 - SOAKED * soaked - 0.2 * puddles(setting)
+    factor = linear.clamp_min(0.1) ** (1 / GAMMA)
+    return _times(1.12, factor)
+
+
+def caustics(setting: Setting) -> ColorChange:
+    """A net of light on what faces up, as below waves."""
+    size = 5 * LEAF
+    ridges = torch.exp(-6 * setting.noise(size, 23).abs()) + torch.exp(
+        -6 * setting.noise(0.8 * size, 24).abs()
+    )
+    net = CAUSTIC * ridges * step(setting.rise, 0.0, 0.8) * setting.found.trust
+    factor = (0.85 + net) ** (1 / GAMMA)
+    return _times(1.0, factor)
+
+
+def _times(saturation: float, factor: Float[Tensor, " n"]) -> ColorChange:
+    """Display colors, more or less saturated, times a factor."""
+    colors = factor[:, None].expand(-1, 3)
+    return ColorChange(saturation, colors, torch.zeros_like(factor), torch.zeros_like(colors))
+
+
 Effect = Callable[[Setting], ColorChange]
-Sheen = Callable[[Setting, Gaussians, Execution], Gaussians]
+Sheen = Callable[[Setting, Gaussians], Gaussians]
 
 
 @dataclass(frozen=True)
@@ -82,5 +250,5 @@ def in_scenery(
     if scenery.light is not None:
         after = relit_by(found, after, scenery.light, execution)
     if scenery.sheen is not None:
-        after = scenery.sheen(Setting(scene, found), after, execution)
+        after = scenery.sheen(Setting(scene, found, cameras, execution), after)
     return only_inside(scene, after, inside)

@@ -13,14 +13,13 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.light.color_change import ColorChange, step
+from gsedit.light.relight import ColorChange, step
 from gsedit.scene.quaternions import even_directions
-from gsedit.scenery.effects import puddles, wetness
 from gsedit.scenery.setting import CLUMP, LEAF, Setting
 from gsedit.surface.surroundings import find_surroundings, prefiltered, reflected
 from gsedit.toolkit.grade import GAMMA
 from rasterizer.harmonics import basis
-from rasterizer.numerics import AUTO, Execution, sh_to_color
+from rasterizer.numerics import sh_to_color
 from rasterizer.scene import Gaussians
 
 DEGREE = 2
@@ -37,7 +36,21 @@ RIDGE = 0.02
 """Weight of the coefficients' size against the fit: directions below the surface are not seen."""
 
 
-def glossy(setting: Setting, after: Gaussians, execution: Execution = AUTO) -> Gaussians:
+def wetness(setting: Setting) -> Float[Tensor, " n"]:
+    """How wet each Gaussian is, in [0, 1]: what faces up and is open above; sides in streaks."""
+    flat = step(setting.rise, 0.15, 0.75)
+    streaks = 0.55 * step(setting.noise(3 * LEAF, 21), -0.8, 0.8)
+    open_above = step(setting.overhead, 0.1, 0.5)
+    return torch.maximum(flat, streaks) * (0.25 + 0.75 * open_above) * (1 - setting.sky)
+
+
+def puddles(setting: Setting) -> Float[Tensor, " n"]:
+    """Share of standing water: in hollows of what is level."""
+    level = step(setting.rise, 0.9, 0.97) * setting.sure
+    return level * step(setting.noise(6 * LEAF, 22), 0.2, 0.7) * wetness(setting)
+
+
+def glossy(setting: Setting, after: Gaussians) -> Gaussians:
     """The scene with reflections on what is wet, of a studio where nothing is around; `after` has
     its colors, and may be dimmer."""
     surface, place = setting.found.surface, setting.found.place
@@ -47,7 +60,7 @@ def glossy(setting: Setting, after: Gaussians, execution: Execution = AUTO) -> G
     near = (surface.points - place.center).norm(dim=-1) < 0.4 * place.distance
     if not len(rows) or not bool(near.any()):
         return after
-    maps = prefiltered(find_surroundings(setting.scene, near, place.up, execution)).double()
+    maps = prefiltered(find_surroundings(setting.scene, near, place.up, setting.execution)).double()
     dim = _dimming(setting.scene, after, rows)
     standing = puddles(setting)[rows]
     rough = torch.lerp(
@@ -127,7 +140,7 @@ def watercolor(setting: Setting) -> ColorChange:
     return _veil((wash * pooled[:, None]).clamp(0, 1))
 
 
-def penciled(setting: Setting, after: Gaussians, execution: Execution = AUTO) -> Gaussians:
+def penciled(setting: Setting, after: Gaussians) -> Gaussians:
     """The drawn scene with pencil lines where it turns away from the eye."""
     surface = setting.found.surface
     views = torch.from_numpy(even_directions(VIEWS)).double()

@@ -1,11 +1,12 @@
 """Growth: it lies where it should, stands out at the side, and leaves the rest as it was."""
 
-from dataclasses import fields, replace
+from dataclasses import replace
 from functools import cache
 
 import pytest
 import torch
 from bench.staged import stage as stage_of
+from plain_scenes import all_finite, same_bits
 
 from gsedit.cameras.orbit import orbit
 from gsedit.errors import UsageError
@@ -18,7 +19,6 @@ from gsedit.synthetic.shapes import cylinder, sphere, translate, union
 from gsedit.synthetic.splats import surface_gaussians
 from rasterizer.camera import look_at
 from rasterizer.render import render
-from rasterizer.scene import Gaussians
 
 UP = torch.tensor((0.0, 0.0, 1.0), dtype=torch.float64)
 BALL, TABLE, FLOOR = 0.35, 0.28, -0.55
@@ -67,15 +67,11 @@ def test_rows_keep_their_places_and_what_is_not_changed_its_bits(name):
     assert 0 < len(after.scene) - count <= MOST_NEW
     assert f"{len(after.scene) - count:,} Gaussians were added" in after.notes[0]
     kept = ~after.changed[:count]
-    for field in fields(Gaussians):
-        before, now = getattr(scene, field.name), getattr(after.scene[:count], field.name)
-        if field.name == "sh":
-            assert not now[:, before.shape[1] :][kept].any()
-            now = now[:, : before.shape[1]][kept]
-            assert torch.equal(now, before[kept])
-        else:
-            assert torch.equal(now, before)
-    assert all(torch.isfinite(getattr(after.scene, each.name)).all() for each in fields(Gaussians))
+    old, bands = after.scene[:count], scene.sh.shape[1]
+    assert same_bits(old, scene, but=("sh",))
+    assert not old.sh[kept, bands:].any()
+    assert torch.equal(old.sh[kept, :bands], scene.sh[kept])
+    assert all_finite(after.scene)
 
 
 def test_snow_stands_out_at_the_side_and_more_of_it_the_more():
@@ -176,8 +172,7 @@ def test_only_the_part_gets_any():
 
 def test_growth_is_the_same_every_time_and_needs_no_cameras():
     first, second = (grow(stage(), "leaves", 0.5) for _ in range(2))  # no cameras
-    for field in fields(Gaussians):
-        assert torch.equal(getattr(first.scene, field.name), getattr(second.scene, field.name))
+    assert same_bits(first.scene, second.scene)
 
 
 @pytest.mark.parametrize(

@@ -12,8 +12,8 @@ from torch import Tensor
 
 from bench.objects.files import Given, place_of
 from gsedit.cameras.place import place_of as seen_place
+from gsedit.light.named import LightSetup, Sun
 from gsedit.light.relight import relit
-from gsedit.light.setup import LightSetup, Sun
 from gsedit.materials.apply import in_material
 from gsedit.materials.named import paint_of
 from gsedit.objects.bending.bend import Handle, bend

@@ -17,9 +17,8 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from gsedit.cameras.orbit import perpendicular
-from gsedit.light.color_change import step
-from gsedit.objects.growth.spots import Site, Spots
-from gsedit.objects.growth.table import Growth
+from gsedit.light.relight import step
+from gsedit.objects.growth.table import Growth, Site, Spots
 from gsedit.scene.neighbors import k_nearest
 from gsedit.surface.relief import Relief, without_specks
 from rasterizer.numerics import AUTO, Execution, color_to_sh

@@ -25,11 +25,11 @@ from gsedit.objects.growth.bodies import (
     thickness,
     tufts,
 )
-from gsedit.objects.growth.spots import Site
-from gsedit.objects.growth.table import Growth, growth_of
+from gsedit.objects.growth.table import Growth, Site, growth_of
 from gsedit.objects.outcome import NEW, Outcome, check_finite
 from gsedit.objects.placing.daylight import Sun, sun_of
 from gsedit.objects.placing.stance import stance_of
+from gsedit.scene.quantiles import ends
 from gsedit.scenery.setting import Setting
 from gsedit.surface.relief import relief_of
 from gsedit.surface.shadows import WIDE
@@ -186,8 +186,7 @@ def _site(
     rows = solid.nonzero().squeeze(-1)
     if len(rows) < 4:
         return None
-    ends = points[rows].sort(0).values
-    low, high = (ends[int(share * (len(ends) - 1))] for share in (TAIL, 1 - TAIL))
+    low, high = ends(points[rows], TAIL)
     size = min(float((high - low).norm()), place.distance)
     setting = Setting(scene, found, cameras, execution)
     sun = _sun(scene, inside, place.up, execution)
@@ -214,8 +213,8 @@ def _patches(
     """Patches of a growth on the site; as fine as the number of Gaussians allows."""
     axes = _axes(site, growth)
     pixel = max(growth.grain * site.size, FINEST * _width(scene[site.rows]))
-    ends = site.setting.found.surface.points[site.rows]
-    sides = (ends.amax(0) - ends.amin(0)).sort().values[1:]
+    points = site.setting.found.surface.points[site.rows]
+    sides = (points.amax(0) - points.amin(0)).sort().values[1:]
     pixel = max(pixel, sqrt(float(sides.prod()) / MOST_PIXELS))
     while True:
         patches = [

@@ -6,14 +6,13 @@ Linear light, 1 on a level, open place out of the sun; display colors change by 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from gsedit.cameras.orbit import perpendicular
 from gsedit.cameras.place import Place
 from gsedit.light.present import SKY_REACH
 from gsedit.objects.outcome import Outcome
@@ -24,14 +23,11 @@ from gsedit.scene.merging.groups import coarsen
 from gsedit.scene.neighbors import nearest
 from gsedit.scene.quaternions import even_directions
 from gsedit.surface.normals import neighbor_means, shortest_axes
-from gsedit.surface.occlusion import occupancy, open_share
 from gsedit.surface.shadows import (
-    FAINT_OPACITY,
     SHARP,
-    SMALL_SKY,
     casters,
-    lit_share,
-    parallel_map,
+    open_share,
+    past_body,
     sky_directions,
     sun_directions,
 )
@@ -135,12 +131,12 @@ def sun_of(scene: Gaussians, stance: Stance, execution: Execution = AUTO) -> Sun
     directions = torch.from_numpy(even_directions(DIRECTIONS)).double()
     sine = directions @ stance.up
     directions = directions[(sine > LOWEST) & (sine < HIGHEST)]
-    shadows = _hidden(casters, ground.points, directions, execution)
+    shadows = 1 - past_body(casters, ground.points, directions, execution)
     hidden = shadows.mean(1)
     best, score = _darkest(ground, hidden, directions, shadows)
     for angle in REFINED:
         ring = torch.cat((best[None], sun_directions(best, angle)))
-        tried = _hidden(casters, ground.points, ring, execution)
+        tried = 1 - past_body(casters, ground.points, ring, execution)
         best, score = _darkest(ground, hidden, ring, tried)
     if score < CLEAR or float(best @ stance.up) > OVERHEAD:
         return None
@@ -158,28 +154,7 @@ def shadow_of(
     execution: Execution = AUTO,
 ) -> Float[Tensor, " m"]:
     """Share of the sun in a direction, in [0, 1], that an object hides from points."""
-    return _hidden(body, points, sun_directions(direction, SOFT), execution).mean(1)
-
-
-def _hidden(
-    body: Gaussians,
-    points: Float[Tensor, "m 3"],
-    directions: Float[Tensor, "d 3"],
-    execution: Execution,
-) -> Float[Tensor, "m d"]:
-    """Share of each direction's light, in [0, 1], that an object hides from points."""
-    solid = replace(body, sh=body.sh[:, :1])[body.opacities > FAINT_OPACITY]
-    solid = solid if len(solid) else body
-    means = solid.means.double()
-    middle = (means.amin(0) + means.amax(0)) / 2
-    radius = 1.1 * float((means - middle).norm(dim=-1).amax()) + 1e-9
-    reach = float((points - middle).norm(dim=-1).amax()) + 3 * radius if len(points) else 1.0
-    columns = []
-    for direction in directions:
-        place = Place(middle, perpendicular(direction), direction, 2 * radius, radius)
-        drawn = parallel_map(solid, place, direction, SMALL_SKY, execution)
-        columns.append(1 - lit_share(drawn, points, reach))
-    return torch.stack(columns, 1)
+    return 1 - past_body(body, points, sun_directions(direction, SOFT), execution).mean(1)
 
 
 def _level(near: Gaussians, rise: Float[Tensor, " n"], stance: Stance) -> float:
@@ -234,12 +209,9 @@ def _depth(
 
 AMBIENT = 0.3
 """Share of the sky's light that comes around everything: no shadow is darker."""
-SKY_SOFT = 12.0
-"""Degrees around each direction that its light comes from: directions are 29 apart."""
-FOOT = 0.12
-"""Part of an object's height, from below, whose shadow close to it is computed by itself."""
-CONTACT = 1.6
-"""Power of the sky's share past an object: rays begin off a surface and miss what is nearest."""
+SKY = 96
+"""Even directions of the whole sphere, of which those above the ground are the sky: with fewer, the
+edges of single shadows show."""
 SHADE = (0.35, 2.5)
 """Range of the light that a thing gets against that before: beyond it, the estimate is a guess."""
 FELT = 0.005
@@ -252,57 +224,76 @@ SUNNY = 2.0
 
 @dataclass(frozen=True, eq=False)
 class Daylight:
-    """The light of a scene."""
+    """The light of a scene: an even sky over a place, and a sun, if there is one."""
 
     place: Place
-    directions: Float[Tensor, "d 3"]
-    """Directions of the sky, unit vectors, float64."""
     sun: Sun | None
+    execution: Execution = AUTO
+
+    @cached_property
+    def directions(self) -> Float[Tensor, "d 3"]:
+        """Directions of the sky, unit vectors, float64."""
+        return sky_directions(self.place, SKY)
 
     def received(
         self,
         normals: Float[Tensor, "n 3"],
-        sky: Float[Tensor, "n d"],
-        sunlit: Float[Tensor, " n"] | None,
+        sky: Float[Tensor, "n d"] | float,
+        sunlit: Float[Tensor, " n"] | float,
     ) -> Float[Tensor, "n c"]:
         """Light on surfaces of outward normals that see these shares of sky and sun."""
         level = (self.directions @ self.place.up).sum()
         cosine = (normals @ self.directions.T).clamp_min(0)
+        sky = torch.as_tensor(sky).expand_as(cosine)
         around = (1 - AMBIENT) * (cosine * sky).sum(1) / level + AMBIENT * sky.mean(1)
-        light = around[:, None].expand(-1, 3)
-        if self.sun is None or sunlit is None:
-            return light + AMBIENT / 2
+        light = around[:, None].expand(-1, 3) + AMBIENT / 2
+        if self.sun is None:
+            return light
         facing = (normals @ self.sun.direction).clamp_min(0) * sunlit
-        return light + AMBIENT / 2 + facing[:, None] * self.sun.strength
+        return light + facing[:, None] * self.sun.strength
+
+    def past(
+        self, body: Gaussians, points: Float[Tensor, "n 3"], normals: Float[Tensor, "n 3"]
+    ) -> tuple[Float[Tensor, "n d"], Float[Tensor, " n"] | float]:
+        """Shares of the sky and of the sun that come past an object."""
+        sky = past_body(body, points, self.directions, self.execution, normals)
+        if self.sun is None:
+            return sky, 1.0
+        return sky, 1 - shadow_of(body, points, self.sun.direction, self.execution)
+
+    def sunlit(self, rest: Gaussians, points: Float[Tensor, "n 3"]) -> Float[Tensor, " n"] | float:
+        """Share of the sun that the rest of a scene leaves to points."""
+        if self.sun is None:
+            return 1.0
+        rays, reach = sun_directions(self.sun.direction, SOFT), 2 * self.place.radius
+        return open_share(
+            casters(rest, self.place), self.place, points, rays, self.execution,
+            side=SHARP, reach=reach,
+        ).mean(1)  # fmt: skip
+
+    def on_object(
+        self, body: Gaussians, normals: Float[Tensor, "n 3"], rest: Gaussians
+    ) -> Float[Tensor, "n c"]:
+        """Light on an object past itself and past the rest of a scene."""
+        points = body.means.double()
+        sky, sun = self.past(body, points, normals)
+        open_ = open_share(
+            casters(rest, self.place), self.place, points, self.directions, self.execution,
+            reach=SKY_REACH * self.place.radius,
+        )  # fmt: skip
+        return self.received(normals, sky * open_, sun * self.sunlit(rest, points))
 
 
-def daylight(place: Place, sun: Sun | None) -> Daylight:
-    """An even sky over a place, and a sun."""
-    return Daylight(place, sky_directions(place), sun)
-
-
-def shaded(
-    scene: Outcome,
-    body: Gaussians,
-    stance: Stance,
-    light: Daylight,
-    execution: Execution = AUTO,
-) -> Outcome:
+def shaded(scene: Outcome, body: Gaussians, stance: Stance, light: Daylight) -> Outcome:
     """An outcome with a soft shadow of an object that is put into its scene."""
     rows = _near(scene.scene, body, stance, light)
     if not len(rows):
         return scene
     some = scene.scene[rows]
     points, normals = some.means.double(), _facing_up(some, light.place.up)
-    sunlit = _sunlit(scene.scene, points, light, execution)
-    everything = torch.ones(len(rows), len(light.directions), dtype=torch.float64)
-    then = light.received(normals, everything, sunlit)
-    rise = (body.means.double() - stance.foot) @ stance.up
-    foot = body[rise < FOOT * stance.height]
-    sky = _open([body, foot], points, normals, light.directions) ** CONTACT
-    if sunlit is not None and light.sun is not None:
-        sunlit = sunlit * (1 - shadow_of(body, points, light.sun.direction, execution))
-    now = light.received(normals, sky, sunlit)
+    sunlit = light.sunlit(scene.scene, points)
+    sky, sun = light.past(body, points, normals)
+    then, now = light.received(normals, 1.0, sunlit), light.received(normals, sky, sun * sunlit)
     dim = dimmed(some, (now / then).clamp(*SHADE))
     sh = scene.scene.sh.clone()
     sh[rows] = dim.sh
@@ -318,35 +309,16 @@ def relit_elsewhere(
     turn: Float[Tensor, "3 3"],
     rest: Gaussians,
     light: Daylight,
-    execution: Execution = AUTO,
 ) -> Gaussians:
     """A moved object in the light of its new place.
 
     `normals` are those before the move, and `turn` its rotation. Neighbors change alike: what
     single Gaussians tell is noise.
     """
-    own = [_own_light(*each, rest, light, execution) for each in (
-        (body, normals), (there, normals @ turn.T)
-    )]  # fmt: skip
+    before = light.on_object(body, normals, rest)
+    ratio = light.on_object(there, normals @ turn.T, rest) / before
     near = torch.from_numpy(nearest(body.means.float().numpy())[1])
-    ratio = neighbor_means(own[1] / own[0], near, 3)
-    return dimmed(there, ratio.clamp(*SHADE))
-
-
-def _own_light(
-    body: Gaussians,
-    normals: Float[Tensor, "n 3"],
-    rest: Gaussians,
-    light: Daylight,
-    execution: Execution,
-) -> Float[Tensor, "n c"]:
-    """Light on an object past itself and past the rest of a scene."""
-    points = body.means.double()
-    sky = _open([body], points, normals, light.directions) * _sky(rest, points, light, execution)
-    sunlit = _sunlit(rest, points, light, execution)
-    if sunlit is not None and light.sun is not None:
-        sunlit = sunlit * (1 - shadow_of(body, points, light.sun.direction, execution))
-    return light.received(normals, sky, sunlit)
+    return dimmed(there, neighbor_means(ratio, near, 3).clamp(*SHADE))
 
 
 def _near(scene: Gaussians, body: Gaussians, stance: Stance, light: Daylight) -> Int[Tensor, " m"]:
@@ -365,45 +337,6 @@ def _facing_up(scene: Gaussians, up: Float[Tensor, "3"]) -> Float[Tensor, "n 3"]
     axes = shortest_axes(scene).double()
     turned = axes * torch.where(axes @ up < 0, -1.0, 1.0)[:, None]
     return torch.nn.functional.normalize(turned + 0.5 * up, dim=-1)
-
-
-def _open(
-    things: Sequence[Gaussians],
-    points: Float[Tensor, "n 3"],
-    normals: Float[Tensor, "n 3"],
-    directions: Float[Tensor, "d 3"],
-) -> Float[Tensor, "n d"]:
-    """Share of each direction's soft light that comes past things; parts of few Gaussians are seen
-    in finer cells."""
-    rays = torch.stack([sun_directions(each, SKY_SOFT) for each in directions]).float()
-    flat = rays.reshape(1, -1, 3).expand(len(points), -1, 3)
-    seen = torch.ones(flat.shape[:2])
-    for each in things:
-        if len(each):
-            seen *= open_share(occupancy(each), points.float(), normals.float(), flat)
-    return seen.reshape(len(points), *rays.shape[:2]).mean(-1).double()
-
-
-def _sky(
-    rest: Gaussians, points: Float[Tensor, "n 3"], light: Daylight, execution: Execution
-) -> Float[Tensor, "n d"]:
-    """Share of each direction that the rest of a scene leaves open to points."""
-    place, occluders = light.place, casters(rest, light.place)
-    reach = SKY_REACH * place.radius
-    maps = (parallel_map(occluders, place, each, SMALL_SKY, execution) for each in light.directions)
-    return torch.stack([lit_share(each, points, reach) for each in maps], 1)
-
-
-def _sunlit(
-    rest: Gaussians, points: Float[Tensor, "n 3"], light: Daylight, execution: Execution
-) -> Float[Tensor, " n"] | None:
-    """Share of the sun that the rest of a scene leaves to points; None without a sun."""
-    if light.sun is None:
-        return None
-    place, occluders = light.place, casters(rest, light.place)
-    rays = sun_directions(light.sun.direction, SOFT)
-    maps = (parallel_map(occluders, place, ray, SHARP, execution) for ray in rays)
-    return torch.stack([lit_share(each, points, 2 * place.radius) for each in maps]).mean(0)
 
 
 def dimmed(scene: Gaussians, light: Float[Tensor, "n c"]) -> Gaussians:

@@ -18,7 +18,7 @@ from gsedit.cameras.around import cameras_of
 from gsedit.cameras.place import Place, place_of
 from gsedit.errors import UsageError
 from gsedit.objects.outcome import NEW, Outcome, check_finite, same
-from gsedit.objects.placing.daylight import daylight, dimmed, shaded, sun_of
+from gsedit.objects.placing.daylight import Daylight, dimmed, shaded, sun_of
 from gsedit.objects.placing.landing import Ground, extent, free_point, ground_near
 from gsedit.objects.placing.place import added, motion_of, moved, notes_of
 from gsedit.objects.placing.placement import Placement, RelativePlace, Triple, check_target
@@ -28,8 +28,13 @@ from gsedit.scene.framing import bounds, framing_camera, guess_up
 from gsedit.scene.quantiles import weighted_quantile
 from gsedit.scene.quaternions import axis_rotation, turn_between
 from gsedit.scene.similarity import IDENTITY
-from gsedit.surface.directions import cell_areas, cell_directions
-from gsedit.surface.surroundings import ROWS, Surroundings, surroundings_at
+from gsedit.surface.surroundings import (
+    ROWS,
+    Surroundings,
+    cell_areas,
+    cell_directions,
+    surroundings_at,
+)
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
@@ -252,8 +257,8 @@ def insert(
     motion = motion_of(body, stance, placement, beside, ground)
     there = with_degree(moved(body, motion.similarity), scene.degree)
     there = balanced(there, motion.stance, scene, around.up, seen_from, execution)
-    light = daylight(around, sun_of(scene, motion.stance, execution))
-    base = shaded(same(scene), there, motion.stance, light, execution)
+    light = Daylight(around, sun_of(scene, motion.stance, execution), execution)
+    base = shaded(same(scene), there, motion.stance, light)
     rows = torch.full((len(there),), NEW)
     told = notes_of(replace(motion, rise=0.0), there, ground)
     return added(base, there, rows, (note, *told))
@@ -339,9 +344,7 @@ def _upright(
     if turned:
         turn = axis_rotation(up, float(angle)) @ upright
     similarity = replace(IDENTITY, turn=turn, scale=factor).about(stance.foot.numpy())
-    sized = replace(
-        stance, up=place.up, height=factor * stance.height, gap=factor * stance.gap, stands=False
-    )
+    sized = replace(stance, up=place.up, height=factor * stance.height, stands=False)
     return moved(body, similarity), sized
 
 

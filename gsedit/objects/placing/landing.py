@@ -25,6 +25,7 @@ from gsedit.objects.placing.stance import (
     map_around,
     size_of,
 )
+from gsedit.scene.quantiles import ends
 from gsedit.surface.relief import Relief
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
@@ -182,6 +183,8 @@ def _shown(
     return total / max(len(asked), 1)
 
 
+GAP = 0.15
+"""Free distance between two things that stand beside each other, of the placed one's height."""
 CARRIED = 0.25
 """Least share of what is under an object's base that must be there for it to stand."""
 AGREES = 0.05
@@ -213,9 +216,8 @@ def directions(place: Place) -> dict[str, Float[Tensor, "3"]]:
 
 def extent(points: Float[Tensor, "m 3"], direction: Float[Tensor, "3"]) -> tuple[float, float]:
     """Begin and end of points along a unit vector, stray ones left out."""
-    along = (points.double() @ direction).sort().values
-    last = len(along) - 1
-    return float(along[int(TAIL * last)]), float(along[int((1 - TAIL) * last)])
+    low, high = ends((points.double() @ direction)[:, None], TAIL)[:, 0].tolist()
+    return low, high
 
 
 def point_beside(
@@ -236,7 +238,7 @@ def point_beside(
     way = directions(place)["right" if beside.side == "beside" else beside.side]
     _, far = extent(other.means, way)
     near, _ = extent(body.means.double() - stance.foot, way)
-    gap = beside.gap * stance.height
+    gap = GAP * stance.height
     wish = base + (far - near + gap - base @ way) * way
     reach = SEARCHED * max(size_of(other) / 2, float(stance.height))
     if beside.side == "beside":
@@ -249,22 +251,22 @@ def point_beside(
 def _reach(body: Gaussians, up: Float[Tensor, "3"]) -> float:
     """Distance of the farthest of an object from its middle, level; stray ones left out."""
     away = body.means.double() - body.means.double().median(0).values
-    level = (away - (away @ up)[:, None] * up).norm(dim=-1).sort().values
-    return float(level[int((1 - TAIL) * (len(level) - 1))])
+    level = (away - (away @ up)[:, None] * up).norm(dim=-1)
+    return float(ends(level[:, None], TAIL)[1, 0])
 
 
 def top_of(other: Gaussians, up: Float[Tensor, "3"], execution: Execution = AUTO) -> Tensor:
     """The middle of what of an object is seen from above, as high as most of it is."""
     points = other.means.double()
-    begins, ends = extent(points, up)
+    begins, last = extent(points, up)
     middle = points.median(0).values
     away = (points - middle).norm(dim=-1)
-    radius = 1.1 * float(away.sort().values[int((1 - TAIL) * (len(away) - 1))]) + 1e-9
-    seen = heights_from_above(other, middle, radius, up, ends + 0.1 * (ends - begins), execution)
+    radius = 1.1 * float(ends(away[:, None], TAIL)[1, 0]) + 1e-9
+    seen = heights_from_above(other, middle, radius, up, last + 0.1 * (last - begins), execution)
     if not bool(seen.there.any()):
-        return middle + (ends - middle @ up) * up
+        return middle + (last - middle @ up) * up
     level = float(seen.heights[seen.there].median())
-    there = seen.points[seen.there & ((seen.heights - level).abs() <= BASE * (ends - begins))]
+    there = seen.points[seen.there & ((seen.heights - level).abs() <= BASE * (last - begins))]
     point = (there.amin(0) + there.amax(0)) / 2
     return point + (level - point @ up) * up
 

@@ -16,7 +16,7 @@ from torch import Tensor
 from gsedit.cameras.around import cameras_of
 from gsedit.cameras.place import place_of
 from gsedit.objects.outcome import NEW, Outcome, check_finite, same
-from gsedit.objects.placing.daylight import daylight, relit_elsewhere, shaded, sun_of
+from gsedit.objects.placing.daylight import Daylight, relit_elsewhere, shaded, sun_of
 from gsedit.objects.placing.landing import Ground, Landing, carried, directions, land, point_beside
 from gsedit.objects.placing.placement import Placement, RelativePlace, Triple, check_placement
 from gsedit.objects.placing.stance import STEP, Stance, middle_of, size_of, stance_of
@@ -72,7 +72,7 @@ def motion_of(
     """
     grown = _grown(stance, placement)
     sized = moved(body, grown)
-    tall = replace(stance, height=placement.scale * stance.height, gap=placement.scale * stance.gap)
+    tall = replace(stance, height=placement.scale * stance.height)
     unit = tall.height if placement.unit is None else placement.unit
     right, back, rise = (unit * each for each in placement.offset)
     target, landing, risen = stance.foot, None, 0.0
@@ -80,12 +80,11 @@ def motion_of(
         target, ceiling = _asked(sized, tall, placement.to, other, ground)
         way = directions(ground.place)
         target = target + right * way["right"] + back * way["behind"]
-        if placement.settle:
-            onto = other if _on_top(placement.to) and other is not None else ground.scene
-            there = moved(sized, _shift(target - stance.foot))
-            landing = land(there, target, tall, onto, ceiling, ground.execution)
-            risen = float((landing.point - stance.foot) @ tall.up)
-            target = landing.point
+        onto = other if _on_top(placement.to) and other is not None else ground.scene
+        there = moved(sized, _shift(target - stance.foot))
+        landing = land(there, target, tall, onto, ceiling, ground.execution)
+        risen = float((landing.point - stance.foot) @ tall.up)
+        target = landing.point
     asked, rise = rise, _no_deeper(rise, sized, tall, target, landing, ground)
     lean = _lean(stance, landing).about(stance.foot.numpy())
     way_there = _shift(target + rise * tall.up - stance.foot)
@@ -190,13 +189,13 @@ def place(
     ground = Ground(gone.scene, around, seen_from, execution)
     motion = motion_of(body, stance, placement, other, ground)
     there = moved(body, motion.similarity)
-    light = daylight(around, sun_of(scene, stance, execution))
+    light = Daylight(around, sun_of(scene, stance, execution), execution)
     turned = not np.allclose(motion.similarity.turn, np.eye(3))
     if light.sun is not None and (motion.landing is not None or turned):
         normals = estimate_normals(scene, seen_from, execution, inside).directions.double()
         turn = torch.from_numpy(motion.similarity.turn)
-        there = relit_elsewhere(body, there, normals, turn, gone.scene, light, execution)
-    base = shaded(gone, there, motion.stance, light, execution)
+        there = relit_elsewhere(body, there, normals, turn, gone.scene, light)
+    base = shaded(gone, there, motion.stance, light)
     rows = torch.full((len(body),), NEW) if placement.copy else inside.nonzero().squeeze(-1)
     return added(base, there, rows, notes_of(motion, there, ground))
 

@@ -14,8 +14,8 @@ from torch import Tensor
 
 from gsedit.cameras.orbit import perpendicular
 from gsedit.cameras.place import Place
-from gsedit.objects.placing.support import Support, find_support
-from gsedit.scene.quantiles import weighted_quantile
+from gsedit.scene.planes import Plane, find_support
+from gsedit.scene.quantiles import ends, weighted_quantile
 from gsedit.surface.relief import Relief
 from gsedit.surface.shadows import parallel_map
 from rasterizer.numerics import AUTO, Execution
@@ -146,8 +146,6 @@ class Stance:
     """Point of that surface under its middle; of its lowest parts where none is."""
     height: float
     """Size along `up` from the foot."""
-    gap: float
-    """Height of its lowest seen parts over the foot; below 0 it reaches into the surface."""
     stands: bool
     """Whether it touches a surface."""
 
@@ -181,8 +179,7 @@ def middle_of(body: Gaussians, up: Float[Tensor, "3"]) -> Float[Tensor, "3"]:
 
 def extents(points: Float[Tensor, "m d"]) -> Float[Tensor, "2 d"]:
     """Begin and end of points along each axis, stray ones left out."""
-    some = points[:: 1 + len(points) // (1 << 20)]
-    return some.sort(0).values[[int(rank * (len(some) - 1)) for rank in (0.01, 0.99)]]
+    return ends(points[:: 1 + len(points) // (1 << 20)], 0.01)
 
 
 def size_of(body: Gaussians) -> float:
@@ -195,9 +192,9 @@ def stance_of(
     body: Gaussians, rest: Gaussians, up: Float[Tensor, "3"], execution: Execution = AUTO
 ) -> Stance:
     """How an object stands in the rest of its scene; `up` is the scene's upward direction."""
-    begins, ends = reach(body, up, execution)
+    begins, last = reach(body, up, execution)
     middle = middle_of(body, up)
-    ceiling = begins + STEP * (ends - begins)
+    ceiling = begins + STEP * (last - begins)
     seen = map_around(body, rest, middle, up, ceiling, execution)
     support = carrier(body, seen, up)
     if support is not None:
@@ -206,9 +203,9 @@ def stance_of(
         height = high - support.offset
         if -SUNK * height <= low - support.offset <= HIDDEN * height:
             foot = middle + (support.offset - middle @ normal) * normal
-            return Stance(normal, foot, height, low - support.offset, True)
+            return Stance(normal, foot, height, True)
     foot = middle + (begins - middle @ up) * up
-    return Stance(up, foot, ends - begins, 0.0, False)
+    return Stance(up, foot, last - begins, False)
 
 
 def map_around(
@@ -226,7 +223,7 @@ def map_around(
     return heights_from_above(rest, middle, radius + 1e-9, up, ceiling, execution)
 
 
-def carrier(body: Gaussians, seen: Relief, up: Float[Tensor, "3"]) -> Support | None:
+def carrier(body: Gaussians, seen: Relief, up: Float[Tensor, "3"]) -> Plane | None:
     """The plane that carries an object among what is seen from above around it; None: no such."""
     cells = seen.points[seen.there].numpy()
     chosen = body.means[:: 1 + len(body) // MOST_POINTS].double().numpy()

@@ -16,10 +16,10 @@ from jaxtyping import Bool, Float, Float64
 from torch import Tensor
 
 from gsedit.objects.removal.cells import away_from, depth_in, mean_around, widened
-from gsedit.objects.removal.complete import Completed, Draw, complete, drawn_over, solve_membrane
+from gsedit.objects.removal.complete import Completed, complete, solve_membrane
 from gsedit.objects.removal.sheet import Sheet
 from gsedit.objects.removal.sight import Sight, Views, seen_through
-from gsedit.objects.removal.walls import Plane
+from gsedit.scene.planes import Plane
 from gsedit.scene.quaternions import quaternion_of, turn_between
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, SH_DC, Execution, color_to_sh
@@ -37,17 +37,10 @@ SMOOTHED = 0.1
 """Standard deviation over which view dependence is averaged, of the hole's size."""
 
 
-def filled(
-    kept: Gaussians, sheet: Sheet, plane: Plane, draw: Draw | None = None
-) -> tuple[Gaussians, bool]:
-    """The Gaussians of a sheet's hole, and whether they have texture.
-
-    `kept` is what is left of the scene; `draw` makes up the texture instead.
-    """
+def filled(kept: Gaussians, sheet: Sheet, plane: Plane) -> tuple[Gaussians, bool]:
+    """The Gaussians of a sheet's hole, and whether they have texture; `kept` is what is left of the
+    scene."""
     done = complete(sheet.values[..., :3], sheet.known, sheet.hole)
-    if draw is not None:
-        picture = drawn_over(done.picture, sheet.known, sheet.hole, draw)
-        return _discs(sheet, plane, picture, 0.0, kept), True
     copies = _copies(kept, sheet, plane, done)
     sink = SINK * plane.band if len(copies) else 0.0
     return concatenate(copies, _discs(sheet, plane, done.picture, sink, kept)), done.textured
@@ -158,7 +151,6 @@ def backdrop(
     scene: Gaussians,
     gap: Gap,
     sights: Sequence[Sight],
-    draw: Draw | None = None,
     execution: Execution = AUTO,
 ) -> tuple[Gaussians, bool]:
     """A layer of Gaussians, one a pixel of the hole, and whether it has texture.
@@ -173,13 +165,10 @@ def backdrop(
     size = float(np.sqrt(hole.sum()))
     known = solid & ~hole & (away_from(hole) < 3 + SURROUNDINGS * size)
     done = complete(shown.color.double().numpy(), known, hole)
-    picture = done.picture
-    if draw is not None:
-        picture = drawn_over(picture, known, hole, draw)
     inverse = 1 / np.where(known, depth.double().numpy(), 1.0)
     smooth = solve_membrane(inverse[..., None], hole, known)[hole][:, 0]
     far = torch.from_numpy(1 / np.maximum(smooth, 1e-9))
-    made = _layer(scene, camera, hole, far, torch.from_numpy(picture[hole]))
+    made = _layer(scene, camera, hole, far, torch.from_numpy(done.picture[hole]))
     empty = seen_through(made.means.double().numpy(), sights)
     return made[torch.from_numpy(~empty)], done.textured
 

@@ -14,9 +14,8 @@ from jaxtyping import Bool, Float, Float64
 from scipy import ndimage
 
 from gsedit.objects.removal.sight import Contributions
-from gsedit.objects.removal.walls import Plane
-from gsedit.scene.neighbors import k_nearest
-from gsedit.scene.quantiles import extent_of
+from gsedit.scene.neighbors import extent_of, k_nearest
+from gsedit.scene.planes import Plane
 
 NEIGHBORS = 16
 """Nearest Gaussians that vote on one."""

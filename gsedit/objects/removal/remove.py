@@ -19,7 +19,6 @@ from gsedit.datasets.dataset import evenly_spaced
 from gsedit.errors import UsageError
 from gsedit.objects.outcome import NEW, Outcome, check_finite
 from gsedit.objects.removal.cells import widened
-from gsedit.objects.removal.complete import Draw
 from gsedit.objects.removal.fill import backdrop, filled, find_gap
 from gsedit.objects.removal.remains import (
     AROUND,
@@ -29,8 +28,7 @@ from gsedit.objects.removal.remains import (
     strays,
     tidied,
 )
-from gsedit.objects.removal.shade import find_shade
-from gsedit.objects.removal.sheet import Object, Sheet, find_sheet, standing
+from gsedit.objects.removal.sheet import Object, Sheet, find_shade, find_sheet, standing
 from gsedit.objects.removal.sight import (
     Sight,
     Views,
@@ -39,10 +37,9 @@ from gsedit.objects.removal.sight import (
     look,
     look_again,
 )
-from gsedit.objects.removal.walls import SMALLEST, Plane, find_planes
 from gsedit.scene.cache import cached_per_scene
-from gsedit.scene.neighbors import k_nearest
-from gsedit.scene.quantiles import extent_of
+from gsedit.scene.neighbors import extent_of, k_nearest
+from gsedit.scene.planes import SMALLEST, Plane, find_planes
 from gsedit.surface.normals import shortest_axes
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, SH_DC, Execution, sh_to_color
@@ -76,7 +73,6 @@ def remove(
     inside: Bool[Tensor, " n"],
     cameras: Sequence[Camera] = (),
     execution: Execution = AUTO,
-    draw: Draw | None = None,
 ) -> Outcome:
     """Remove the Gaussians `inside` with what belongs to them, and fill what nobody saw.
 
@@ -84,9 +80,6 @@ def remove(
     the planes around it. A plane (ground, table, walls) goes on under it with its own texture; what
     lies on no plane goes on smoothly in depth. All other Gaussians keep their bits. Without
     `cameras`, some are found.
-
-    `draw` makes up the texture instead: it gets a picture (`h w 3`, sRGB in [0, 1]: the plane from
-    straight above, or a view) and the mask (`h w`) of what to paint, and returns the picture.
 
     Raises UsageError for a selection that is empty, everything, or seen by no camera, and for
     values that are not finite.
@@ -106,8 +99,8 @@ def remove(
     kept, planes = _without(scene, inside, thing.extent, sights, seen, execution)
     left = _Left(scene, kept, torch.zeros(len(kept), dtype=torch.bool), scene[kept], [], 0)
     bare = look_again(left.scene, sights, execution)
-    left, views = _planes_filled(left, planes, thing, bare, draw, execution)
-    left, views = _gaps_filled(left, views, draw, execution)
+    left, views = _planes_filled(left, planes, thing, bare, execution)
+    left, views = _gaps_filled(left, views, execution)
     firm = scene.means[left.rows][left.rest.opacities > FIRM].numpy()
     resting = int(resting_on(thing.points, firm, up_of(cameras).double().numpy()).sum())
     return left.outcome(_notes(inside, left, len(sights), guessed(bare, views), resting))
@@ -118,7 +111,6 @@ def _planes_filled(
     planes: Sequence[Plane],
     thing: Object,
     views: Views,
-    draw: Draw | None,
     execution: Execution,
 ) -> tuple[_Left, Views]:
     """Fill the holes of planes and take the object's shadow off them, one after the other."""
@@ -129,21 +121,19 @@ def _planes_filled(
             continue
         left, sheet = _lit(left, sheet, plane, thing.extent)
         left = left.without(_in_hole(left.rest, sheet, plane))
-        made, textured = filled(left.rest, sheet, plane, draw)
+        made, textured = filled(left.rest, sheet, plane)
         left = left.plus(made, textured)
         views = look_again(left.scene, views.sights, execution)
     return left, views
 
 
-def _gaps_filled(
-    left: _Left, views: Views, draw: Draw | None, execution: Execution
-) -> tuple[_Left, Views]:
+def _gaps_filled(left: _Left, views: Views, execution: Execution) -> tuple[_Left, Views]:
     """Continue what lies on no plane in those views that show the largest holes."""
     for _ in range(MOST_GAPS):
         gap = find_gap(views)
         if gap is None:
             break
-        made, textured = backdrop(left.scene, gap, views.sights, draw, execution)
+        made, textured = backdrop(left.scene, gap, views.sights, execution)
         if not len(made):
             break
         left = left.plus(made, textured)

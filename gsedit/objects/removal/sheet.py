@@ -1,6 +1,8 @@
-"""A plane as a picture, seen straight from above: the part of it that nobody saw, and what is known
-around that.
+"""A plane as a picture, seen straight from above: the part of it that nobody saw, what is known
+around that, and the shadow of the object on it.
 
+The surface around the object is made up from what is farther off, as if it were unknown: where it
+is darker than that, evenly in all colors or fading out, the object's shadow lies.
 `n` Gaussians; a picture of `h w` cells; `k` harmonics a channel.
 """
 
@@ -12,8 +14,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 from jaxtyping import Bool, Float, Float64, Int64
-from scipy.ndimage import gaussian_filter, grey_dilation
+from scipy.ndimage import gaussian_filter, grey_dilation, median_filter
 
+from gsedit.cameras.orbit import parallel, perpendicular
 from gsedit.objects.removal.cells import (
     away_from,
     closed,
@@ -25,8 +28,9 @@ from gsedit.objects.removal.cells import (
     touching,
     widened,
 )
+from gsedit.objects.removal.complete import complete
 from gsedit.objects.removal.sight import Views, testify
-from gsedit.objects.removal.walls import Plane
+from gsedit.scene.planes import Plane
 from rasterizer.camera import Camera
 from rasterizer.color_weights import color_weights
 from rasterizer.harmonics import basis
@@ -68,6 +72,13 @@ class Sheet:
         within = (column >= 0) & (column < w) & (row >= 0) & (row < h)
         return torch.where(within, row * w + column, -1).numpy()
 
+    def under(self, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, "h w"]:
+        """Flag the cells that points lie over or under, without small gaps."""
+        cells = self.at(points)
+        found = np.zeros(self.hole.size, bool)
+        found[cells[cells >= 0]] = True
+        return closed(found.reshape(self.hole.shape), 2)
+
     def holds(self, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
         """Flag the points over or under the hole."""
         cell = self.at(points)
@@ -83,19 +94,10 @@ def above(
     plane: Plane, middle: Float64[np.ndarray, "3"], half: Float64[np.ndarray, "2"], cell: float
 ) -> Camera:
     """A camera straight above a rectangle of a plane, given by its middle and half its sides."""
-    z = -plane.normal
-    x = np.cross(np.eye(3)[np.abs(z).argmin()], z)
-    x /= np.linalg.norm(x)
-    rotation = np.stack((x, np.cross(z, x), z))
-    pose = np.eye(4)
-    pose[:3, :3] = rotation
-    eye = middle + 2 * plane.band * plane.normal
-    pose[:3, 3] = -rotation @ eye
+    down = torch.from_numpy(-plane.normal)
+    up = torch.linalg.cross(down, perpendicular(down))
     width, height = (max(4, int(np.ceil(2 * each / cell))) for each in half)
-    return Camera(
-        torch.from_numpy(pose), 1 / cell, 1 / cell, width / 2, height / 2, width, height, "ortho",
-        near=0.0,
-    )  # fmt: skip
+    return parallel(torch.from_numpy(middle), -down, up, cell, (width, height), 2 * plane.band)
 
 
 def harmonics_on(
@@ -240,11 +242,7 @@ def _drawn(
 
 def _caster(sheet: Sheet, plane: Plane, thing: Object) -> Bool[np.ndarray, "h w"]:
     """The cells that the object is close over."""
-    close = thing.points[np.abs(plane.heights(thing.points)) < CLOSE * thing.extent]
-    cells = sheet.at(close)
-    caster = np.zeros(sheet.hole.size, bool)
-    caster[cells[cells >= 0]] = True
-    return closed(caster.reshape(sheet.hole.shape), 2)
+    return sheet.under(thing.points[np.abs(plane.heights(thing.points)) < CLOSE * thing.extent])
 
 
 def standing(
@@ -255,11 +253,7 @@ def standing(
     `extent` is the object's.
     """
     heights = plane.heights(points)
-    close = points[(heights > plane.band) & (heights < plane.band + CLOSE * extent)]
-    cells = sheet.at(close)
-    found = np.zeros(sheet.hole.size, bool)
-    found[cells[cells >= 0]] = True
-    return closed(found.reshape(sheet.hole.shape), 2)
+    return sheet.under(points[(heights > plane.band) & (heights < plane.band + CLOSE * extent)])
 
 
 def _even(
@@ -320,3 +314,113 @@ def _surrounded(
     kept = (sizes >= least) & (bordered >= BORDERED * around) & (own >= OWN * sizes)
     kept[0] = False
     return kept[numbers]
+
+
+SHADOW_REACH = 0.7
+"""Farthest that a shadow reaches from what casts it, of its size."""
+CONTACT = 0.35
+"""Farthest that a shadow reaches where little is touched, of the farthest that is asked."""
+NEAREST = 0.65
+"""Largest share of what is known that is asked for a shadow: the rest says what is usual."""
+SHADED = 0.94
+"""Light, of what is usual, below which there is shadow."""
+DIM, USUAL = 0.85, 0.6
+"""Light beside it that is surely dim, of the quantile of all light that is usual."""
+WIDE = (4.0, 0.15)
+"""Standard deviation over which light is averaged for that, at least in cells, and of the size of
+what casts it: wider than a texture's own dark parts."""
+DEEP = 0.55
+"""Light, of what is usual, below which nothing of the surface can be brought back."""
+THIN = 0.08
+"""Half of the width, of the size of what casts it, up to which what is dark is no shadow: a crease
+between two surfaces, or a bridge to another's shadow."""
+CLOSER = 2.0
+"""How much nearer than the object what else stands there is to what is in its own shadow."""
+BLUR = 0.1
+"""Standard deviation over which light is averaged, of the size of what casts it."""
+GRAY = 1.2
+"""Largest ratio of the light of two colors in a shadow that ends sharply: else it is paint."""
+SOFT = 0.82
+"""Light at the border of a shadow, of what is usual, from which it fades out."""
+
+
+@dataclass(frozen=True, eq=False)
+class Shade:
+    """The light that a shadow left, of what is usual."""
+
+    light: Float[np.ndarray, "h w 3"]
+    """In (0, 1]; 1 where there is no shadow."""
+    deep: Bool[np.ndarray, "h w"]
+    """Cells too dark for anything to be brought back."""
+
+
+def find_shade(
+    picture: Float[np.ndarray, "h w 3"],
+    known: Bool[np.ndarray, "h w"],
+    hole: Bool[np.ndarray, "h w"],
+    caster: Bool[np.ndarray, "h w"],
+    others: Bool[np.ndarray, "h w"],
+    farthest: float,
+) -> Shade:
+    """The shadow around what casts it, on what is known of a surface; `farthest` cells from it.
+
+    What is nearer to `others`, that stand there too, is in their shadow.
+    """
+    none = Shade(np.ones_like(picture), np.zeros_like(hole))
+    source = hole | caster
+    if not caster.any() or not (known & ~source).any():
+        return none
+    size = float(np.sqrt(source.sum()))
+    away = away_from(source)
+    reach = max(SHADOW_REACH * size, CONTACT * farthest)
+    reach = min(reach, float(np.quantile(away[known], NEAREST)))
+    sigma, seen = max(1.0, BLUR * size), known.astype(np.float64)
+    mean = mean_around(picture, seen, sigma)
+    near = known & (away <= reach)
+    wide = mean_around(picture, seen, max(WIDE[0], WIDE[1] * size)).mean(-1)
+    dim = wide < DIM * np.quantile(wide[known], USUAL)
+    near |= touching(known & dim & (away <= farthest), source | near)
+    far = known & ~near
+    if not near.any() or not far.any():
+        return none
+    usual = complete(picture, far, hole | near).picture
+    light = mean / np.maximum(mean_around(usual, seen, sigma), 1e-3)
+    dark = near & (light.mean(-1) < SHADED)
+    dark &= opened(dark | source, max(1, round(THIN * size)))
+    if others.any():
+        dark &= CLOSER * away_from(others) > away
+    shadow = touching(dark, source)
+    if not shadow.any() or not _cast(light, shadow, known & ~shadow):
+        return none
+    light = _sharp(picture, usual, known, light, sigma)
+    light = np.where(shadow[..., None], light.clip(0.05, 1.0), 1.0)
+    fading = mean_around(light, seen, sigma / 2).clip(0.05, 1.0)
+    deep = shadow & (fading.mean(-1) < DEEP)
+    return Shade(np.where(known[..., None], fading, 1.0), deep)
+
+
+def _sharp(
+    picture: Float[np.ndarray, "h w 3"],
+    usual: Float[np.ndarray, "h w 3"],
+    known: Bool[np.ndarray, "h w"],
+    light: Float[np.ndarray, "h w 3"],
+    sigma: float,
+) -> Float[np.ndarray, "h w 3"]:
+    """Light with the edges of shadows: medians keep them, means do not."""
+    seen = known.astype(np.float64)
+    ratio = mean_around(picture, seen, 1.0) / np.maximum(mean_around(usual, seen, 1.0), 1e-3)
+    width = 2 * round(sigma) + 1
+    return median_filter(np.where(known[..., None], ratio, light), (width, width, 1))
+
+
+def _cast(
+    light: Float[np.ndarray, "h w 3"],
+    shadow: Bool[np.ndarray, "h w"],
+    lit: Bool[np.ndarray, "h w"],
+) -> bool:
+    """Whether what is dark is a shadow: it fades out, or takes all colors alike."""
+    rim = shadow & widened(lit, 2)
+    if not rim.any() or np.median(light[rim].mean(-1)) > SOFT:
+        return True
+    channels = np.median(light[shadow], 0)
+    return bool(channels.max() < GRAY * channels.min())

@@ -131,6 +131,17 @@ def _depth(
     return depth.masked_fill(depth <= 0, torch.inf).numpy(), shown.alpha.numpy()
 
 
+def _pixels_of(
+    points: Float64[np.ndarray, "m 3"], sight: Sight
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Row, column and depth of points in a picture, and whether they are within it."""
+    xy, z = (t.numpy() for t in sight.camera.project(torch.from_numpy(points)))
+    column, row = np.floor(xy.clip(-1e6, 1e6)).astype(np.int64).T
+    h, w = sight.depth.shape
+    shown = (z > 0) & (column >= 0) & (column < w) & (row >= 0) & (row < h)
+    return row.clip(0, h - 1), column.clip(0, w - 1), z, shown
+
+
 @dataclass(frozen=True, eq=False)
 class Testimony:
     """How many views say what about places of a surface."""
@@ -158,11 +169,7 @@ def testify(
     for sight, height, rest in zip(views.sights, heights, views.depth):
         if height <= tolerance:
             continue
-        xy, z = (t.numpy() for t in sight.camera.project(torch.from_numpy(points)))
-        column, row = np.floor(xy.clip(-1e6, 1e6)).astype(np.int64).T
-        h, w = sight.depth.shape
-        shown = (z > 0) & (column >= 0) & (column < w) & (row >= 0) & (row < h)
-        row, column = row.clip(0, h - 1), column.clip(0, w - 1)
+        row, column, z, shown = _pixels_of(points, sight)
         outlined = sight.outline[row, column] & shown
         # how far under the plane, or over it, the surface of the pixel lies
         under, under_left = (
@@ -182,11 +189,7 @@ def seen_through(
     """Flag the places that most views saw through, of those that nothing hid them from."""
     through, all_ = np.zeros(len(points)), np.zeros(len(points))
     for sight in sights:
-        xy, z = (t.numpy() for t in sight.camera.project(torch.from_numpy(points)))
-        column, row = np.floor(xy.clip(-1e6, 1e6)).astype(np.int64).T
-        h, w = sight.depth.shape
-        shown = (z > 0) & (column >= 0) & (column < w) & (row >= 0) & (row < h)
-        row, column = row.clip(0, h - 1), column.clip(0, w - 1)
+        row, column, z, shown = _pixels_of(points, sight)
         shown &= ~sight.outline[row, column]
         depth = sight.depth[row, column]
         all_ += shown & (depth > (1 - SAME_DEPTH) * z)
