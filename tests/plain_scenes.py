@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import torch
 from torch import Tensor
 
@@ -27,6 +29,16 @@ def cloud(
         torch.full((n,), logit),
         color_to_sh(torch.as_tensor(color).float().expand(n, 3)[:, None].clone()),
     )
+
+
+def discs(means: Tensor, normals: Tensor, width: float = 0.05) -> Gaussians:
+    """Gray discs at places, a tenth as thick as wide, that lie across unit normals."""
+    x, y, z = normals.unbind(-1)
+    turns = torch.stack((1 + z, -y, x, torch.zeros_like(z)), 1)
+    flipped = torch.tensor((0.0, 1.0, 0.0, 0.0))
+    sizes = torch.tensor((width, width, width / 10)).log().tolist()
+    found = cloud(means, tuple(sizes))
+    return replace(found, quats=torch.where(turns.norm(dim=1, keepdim=True) > 1e-3, turns, flipped))
 
 
 def needles(count: int) -> Gaussians:

@@ -2,7 +2,9 @@
 
 Colors are surface times light. Gaussians of one hue are taken for one surface; what then is left of
 their luminance is explained by light from the sky's directions, at least 0 each, past what hides
-them. `n` Gaussians, `d` directions.
+them. It is the light on each Gaussian of a scene, of one color; the light around one place, from
+all directions and in color, is another question: gsedit.surface.surroundings.
+`n` Gaussians, `d` directions.
 """
 
 from __future__ import annotations
@@ -19,8 +21,9 @@ from gsedit.cameras.place import Place, place_of
 from gsedit.scene.cache import cached_per_scene
 from gsedit.scene.color_space import LUMINANCE, lab_of_srgb, linear_of_srgb
 from gsedit.scene.neighbors import nearest
-from gsedit.surface.normals import estimate_normals, neighbor_means
+from gsedit.surface.normals import estimate_normals, neighbor_means, visible_area
 from gsedit.surface.shadows import casters, open_share, sky_directions
+from gsedit.surface.surroundings import light_near
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution, sh_to_color
 from rasterizer.scene import Gaussians
@@ -127,7 +130,7 @@ def survey(
     Gaussian fills (None: as its size is)."""
     scene = scene.detach()
     if seen is None:
-        seen = scene.opacities * scene.scales.sort(-1).values[:, 1:].prod(-1)
+        seen = visible_area(scene)
     place = place_of(scene, cameras, seen)
     surface = surface_of(scene, place, cameras, execution)
     trust, sky = place.trust(surface.points), received(surface)
@@ -179,8 +182,6 @@ def _fitted(
     trust: Float64[np.ndarray, " m"],
 ) -> Float64[np.ndarray, " c"]:
     """Weights of directions, with one brightness for each group; their mean is 1."""
-    from scipy.optimize import nnls
-
     count = design.shape[1]
     even = np.ones(count)
     even[-1] = INDIRECT
@@ -193,8 +194,6 @@ def _fitted(
         albedo = (top / np.maximum(np.bincount(group, trust * light * light), 1e-12))[group]
         scaled = design * (trust * albedo)[:, None]
         unit = max(float(np.sqrt(np.square(trust * albedo).mean())), 1e-9)
-        system = np.concatenate((scaled / unit, pull * np.eye(count)))
-        wanted = np.concatenate((trust * luminance / unit, pull * even))
-        weights = nnls(system, wanted)[0]
+        weights = light_near(scaled / unit, trust * luminance / unit, even, np.full(count, pull))[0]
         weights = weights / max(float(weights[:-1].mean()), 1e-9)
     return weights

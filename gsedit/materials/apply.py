@@ -39,18 +39,16 @@ from gsedit.scene.color_space import LUMINANCE, linear_of_srgb, srgb_of_linear
 from gsedit.scene.framing import guess_up
 from gsedit.scene.quantiles import ends
 from gsedit.scene.quaternions import even_directions, turn_between
-from gsedit.surface.normals import estimate_normals, neighbor_means, rows_near
+from gsedit.surface.normals import estimate_normals, neighbor_means, rows_near, visible_area
 from gsedit.surface.shadows import past_body
 from gsedit.surface.surroundings import (
     FAINT,
     USUAL_ALBEDO,
-    Received,
-    are_too_dark,
     as_shaded,
     balanced,
     find_surroundings,
+    light_at,
     middle,
-    surroundings_at,
     with_studio,
 )
 from rasterizer.camera import Camera
@@ -89,11 +87,6 @@ class Relief:
         return self.color @ torch.from_numpy(LUMINANCE).to(self.color)
 
 
-def visible_area(part: Gaussians) -> Float[Tensor, " n"]:
-    """Opacity times the area of the largest face: how much of a picture a Gaussian fills."""
-    return part.opacities * part.log_scales.sort(-1).values[:, 1:].sum(-1).exp() + 1e-12
-
-
 def carved(part: Gaussians, normals: Float[Tensor, "n 3"], rows: Int[Tensor, "n k"]) -> Relief:
     """The relief of a subject's Gaussians; `rows` are those of the nearest to each."""
     weights = torch.from_numpy(LUMINANCE).to(part.means)
@@ -102,7 +95,7 @@ def carved(part: Gaussians, normals: Float[Tensor, "n 3"], rows: Int[Tensor, "n 
     if not rows.shape[1]:
         ones = part.means.new_ones(len(part))
         return Relief(ones, torch.zeros_like(ones), linear)
-    size = visible_area(part)[:, None]
+    size = visible_area(part).clamp_min(1e-30)[:, None].to(linear)
     around = neighbor_means(
         torch.cat((linear, torch.ones_like(linear[:, :1])), 1) * size, rows, ROUNDS
     )
@@ -281,7 +274,7 @@ def study(
     )
     sure = float(found.confidence.median())
     if (eyes := _eyes_within(part, cameras)) is not None:
-        around = surroundings_at(scene, eyes, NEAR_EYES * radius, up, execution, cameras)
+        around = light_at(scene, eyes, NEAR_EYES * radius, up, execution, cameras)
         light = lighting(balanced(around), matte)
         skin = Skin(part.means, normals, relief.detail, torch.ones(len(part), RAYS))
         level = (relief.luminance / USUAL_ALBEDO).clamp(*LEVELS)[:, None, None]
@@ -289,12 +282,12 @@ def study(
     open_ = past_body(part, part.means, ray_directions().double(), execution, normals)
     skin = Skin(part.means, normals, relief.detail, open_.to(normals))
     around = find_surroundings(scene, inside, up, execution, cameras)
-    dim, directions = False, ray_directions().to(normals)
+    dim = False
     if not around.studio:
-        weight = visible_area(part) if weights is None else weights[inside]
-        shown = Received(relief.color, skin.share, weight)
-        dim = are_too_dark(around, shown, directions)
-        around = with_studio(around, up) if dim else as_shaded(around, shown, directions)
+        weight = (visible_area(part) if weights is None else weights[inside]).to(normals)
+        lit = as_shaded(around, relief.color, skin.share, weight, ray_directions().to(normals))
+        dim = lit is None
+        around = with_studio(around, up) if lit is None else lit
     light = lighting(balanced(around), matte)
     sides = torch.cat([arriving(light, skin[rows]) for rows in _parts(len(part))])
     notes = (STUDIO,) if around.studio else (DIM,) if dim else ()

@@ -106,6 +106,12 @@ def neighbor_means(
     return values
 
 
+def visible_area(scene: Gaussians) -> Float[Tensor, " n"]:
+    """Opacity times the area of the largest face, float64: how much of a picture each may fill."""
+    area = scene.log_scales.double().sort(-1).values[:, 1:].sum(-1).exp()
+    return scene.opacities.double() * area
+
+
 def shortest_axes(scene: Gaussians) -> Float[Tensor, "n 3"]:
     """The shortest axes of either sign; their length is 1 - shortest / middle standard deviation,
     how flat a Gaussian is: a ball or a needle says nothing of a surface."""

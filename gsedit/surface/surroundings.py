@@ -18,7 +18,7 @@ from math import pi
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Float64
 from torch import Tensor
 
 from gsedit.scene.color_space import LUMINANCE, linear_of_srgb
@@ -156,13 +156,13 @@ def find_surroundings(
     """
     center, radius = middle(scene, subject)
     near = NEAR_SHARE * radius
-    return surroundings_at(
+    return light_at(
         scene[~subject], center, near, guess_up(scene) if up is None else up, execution, cameras
     )
 
 
 @torch.no_grad()
-def surroundings_at(
+def light_at(
     scene: Gaussians,
     center: Float[Tensor, "3"],
     near: float,
@@ -392,60 +392,60 @@ SHARPNESS = 20.0
 """Sharpness of a direction's factor over the panorama: half at 15 degrees."""
 
 
-@dataclass(frozen=True, eq=False)
-class Received:
-    """Light that the subject received and showed."""
-
-    color: Float[Tensor, "m 3"]
-    """Linear light that each Gaussian sent to the cameras before."""
-    share: Float[Tensor, "m d"]
-    """Weight of each direction in what a Gaussian receives; sums to 1 where nothing is hidden."""
-    weight: Float[Tensor, " m"]
-    """How much each Gaussian counts."""
-
-
 def as_shaded(
-    surroundings: Surroundings, received: Received, directions: Float[Tensor, "d 3"]
-) -> Surroundings:
+    surroundings: Surroundings,
+    color: Float[Tensor, "m 3"],
+    share: Float[Tensor, "m d"],
+    weight: Float[Tensor, " m"],
+    directions: Float[Tensor, "d 3"],
+) -> Surroundings | None:
     """The surroundings with the light that best explains the subject's shading, in the channel that
-    its paint sends most of: a deep red is no dark grey."""
-    rows = received.weight.argsort(descending=True, stable=True)[:SAMPLES]
-    light = look_up(surroundings.radiance, directions) @ torch.from_numpy(LUMINANCE).to(directions)
+    its paint sends most of: a deep red is no dark grey.
+
+    `color` is linear light that each Gaussian sent to the cameras before, `share` the weight of
+    each direction in what it receives, 1 in all where nothing is hidden, and `weight` how much it
+    counts. None where it is brighter than the lightest paint would be, as on a dark tile with
+    nothing around.
+    """
+    luminance = torch.from_numpy(LUMINANCE).to(directions)
+    light = look_up(surroundings.radiance, directions) @ luminance
+    most = ALBEDOS[-1] * (share @ light)
+    if float(((color @ luminance - most) * weight).sum()) > 0:
+        return None
+    rows = weight.argsort(descending=True, stable=True)[:SAMPLES]
     clipped = ((light - 0.6) / (0.5 * CLIPPED_GAIN)).clamp(0, 1)
     seen = look_up(surroundings.seen[..., None], directions)[:, 0] * (1 - clipped)
     stiff = (LOOSE + (STIFF - LOOSE) * seen).double().numpy()
-    design = (received.share * light)[rows].double().numpy()
-    factors = _factors(design, received.color.amax(-1)[rows].double().numpy(), stiff)
+    design = (share * light)[rows].double().numpy()
+    factors = _factors(design, color.amax(-1)[rows].double().numpy(), stiff)
     cells = cell_directions(len(surroundings.radiance)).to(directions)
     near = torch.exp(SHARPNESS * (cells @ directions.T - 1))
     smooth = (near @ torch.from_numpy(factors).to(near)) / near.sum(-1)
     return replace(surroundings, radiance=surroundings.radiance * smooth[..., None])
 
 
-def are_too_dark(
-    surroundings: Surroundings, received: Received, directions: Float[Tensor, "d 3"]
-) -> bool:
-    """Whether the subject is brighter than the lightest paint would be in its surroundings, as on a
-    dark tile with nothing around."""
-    light = look_up(surroundings.radiance, directions) @ torch.from_numpy(LUMINANCE).to(directions)
-    most = ALBEDOS[-1] * (received.share @ light)
-    luminance = received.color @ torch.from_numpy(LUMINANCE).to(directions)
-    return float(((luminance - most) * received.weight).sum()) > 0
+def light_near(
+    design: Float64[np.ndarray, "m d"],
+    shown: Float64[np.ndarray, " m"],
+    usual: Float64[np.ndarray, " d"] | float,
+    pull: Float64[np.ndarray, " d"],
+) -> tuple[Float64[np.ndarray, " d"], float]:
+    """Strengths of light from directions, at least 0, that explain what surfaces show, near usual
+    ones by the `pull` of each; and the root of the squared error."""
+    from scipy.optimize import nnls
+
+    return nnls(np.concatenate((design, np.diag(pull))), np.concatenate((shown, pull * usual)))
 
 
 def _factors(design: np.ndarray, shown: np.ndarray, stiff: np.ndarray) -> np.ndarray:
     """The factors of directions, at the albedo that makes them likeliest."""
-    from scipy.optimize import nnls
-
     count = np.sqrt(PATCHES / len(shown)) / (PAINT * max(float(shown.mean()), 1e-4))
     best, least = np.ones(design.shape[1]), np.inf
     # errors within the design's column space, as small a system; the rest is the same for all
     basis, design = np.linalg.qr(design)
     shown = basis.T @ shown
     for albedo in ALBEDOS:
-        system = np.concatenate((count * albedo * design, np.diag(np.sqrt(stiff))))
-        wanted = np.concatenate((count * shown, np.sqrt(stiff)))
-        factors, error = nnls(system, wanted)
+        factors, error = light_near(count * albedo * design, count * shown, 1.0, np.sqrt(stiff))
         cost = error**2 + (np.log(albedo / USUAL_ALBEDO) / ALBEDO_SPREAD) ** 2
         if cost < least:
             best, least = factors, cost

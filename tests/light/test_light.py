@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 import torch
-from plain_scenes import ring
+from plain_scenes import discs, ring
 
 from gsedit.cameras.place import light_note, place_of
 from gsedit.editing.routes.apply import apply_change, apply_instruction
@@ -34,15 +34,8 @@ def ball(count: int = 1500, radius: float = 0.5, center=(0.0, 0.0, 0.5)) -> Gaus
     floor = torch.stack((x.flatten(), y.flatten(), torch.zeros(x.numel())), -1)
     means = torch.cat((radius * unit + torch.tensor(center), floor))
     normals = torch.cat((unit, torch.tensor((0.0, 0.0, 1.0)).expand(len(floor), 3)))
-    w = torch.stack(
-        (1 + normals[:, 2], -normals[:, 1], normals[:, 0], torch.zeros(len(normals))), 1
-    )
-    flipped = torch.tensor((0.0, 1.0, 0.0, 0.0))
-    quats = torch.where(w.norm(dim=1, keepdim=True) > 1e-3, w, flipped)
-    scales = torch.tensor((0.05, 0.05, 0.005)).log().expand(len(means), 3).contiguous()
-    sh = color_to_sh(torch.full((len(means), 1, 3), 0.5)).repeat(1, 4, 1)
-    sh[:, 1:] = 0.05
-    return Gaussians(means, quats, scales, torch.full((len(means),), 4.0), sh)
+    scene = discs(means, normals)
+    return replace(scene, sh=torch.cat((scene.sh, torch.full((len(means), 3, 3), 0.05)), 1))
 
 
 def shown(scene: Gaussians) -> torch.Tensor:

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 import torch
-from plain_scenes import cloud, ring
+from plain_scenes import cloud, discs, ring
 
 from gsedit.editing.routes.apply import apply_change
 from gsedit.errors import UsageError
@@ -40,11 +40,10 @@ def box_scene(color=STONE) -> Gaussians:
     )
     walls = [torch.stack((across, torch.full_like(across, at), height), -1) for at in (-0.4, 0.4)]
     means = torch.cat((level, *walls))
-    flat = torch.tensor((1.0, 0.0, 0.0, 0.0)).expand(len(level), 4)
-    turned = torch.tensor((0.5**0.5, 0.5**0.5, 0.0, 0.0)).expand(len(means) - len(level), 4)
-    scales = torch.tensor((0.05, 0.05, 0.004)).log().expand(len(means), 3).contiguous()
-    sh = color_to_sh(torch.tensor(color)).expand(len(means), 1, 3).clone()
-    return Gaussians(means, torch.cat((flat, turned)), scales, torch.full((len(means),), 4.0), sh)
+    up, aside = torch.eye(3)[[2, 1]]
+    normals = torch.cat((up.expand(len(level), 3), -aside.expand(len(means) - len(level), 3)))
+    scene = discs(means, normals)
+    return replace(scene, sh=color_to_sh(torch.tensor(color)).expand(len(means), 1, 3).clone())
 
 
 @pytest.fixture(scope="module")

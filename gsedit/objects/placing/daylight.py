@@ -16,13 +16,13 @@ from torch import Tensor
 from gsedit.cameras.place import Place
 from gsedit.light.present import SKY_REACH
 from gsedit.objects.outcome import Outcome
-from gsedit.objects.placing.stance import Stance, spread
+from gsedit.objects.placing.stance import Stance
 from gsedit.scene.cache import cached_per_scene
 from gsedit.scene.color_space import LUMINANCE
 from gsedit.scene.merging.groups import coarsen
 from gsedit.scene.neighbors import nearest
 from gsedit.scene.quaternions import even_directions
-from gsedit.surface.normals import neighbor_means, shortest_axes
+from gsedit.surface.normals import neighbor_means, shortest_axes, visible_area
 from gsedit.surface.shadows import (
     SHARP,
     casters,
@@ -163,7 +163,7 @@ def _level(near: Gaussians, rise: Float[Tensor, " n"], stance: Stance) -> float:
     layers = (rise / (ON_SURFACE * stance.height)).round().long() + LAYERS
     layers = layers.clamp(0, 2 * LAYERS)
     mass = torch.zeros(2 * LAYERS + 1, dtype=torch.float64)
-    mass.index_add_(0, layers, spread(near) * flat)
+    mass.index_add_(0, layers, visible_area(near) * flat)
     fullest = flat & (layers == int(mass.argmax()))
     return float(rise[fullest].median()) if bool(fullest.any()) else 0.0
 
@@ -172,7 +172,7 @@ def _ground(scene: Gaussians, flags: Tensor) -> _Ground:
     rows = flags.nonzero().squeeze(-1)
     some = scene[rows[:: 1 + len(rows) // MOST_POINTS]]
     colors = sh_to_color(some.sh[:, 0].double()).clamp(0, 1)
-    return _Ground(some.means.double(), colors**GAMMA, spread(some))
+    return _Ground(some.means.double(), colors**GAMMA, visible_area(some))
 
 
 def _darkest(

@@ -22,18 +22,19 @@ from gsedit.objects.placing.daylight import Daylight, dimmed, shaded, sun_of
 from gsedit.objects.placing.landing import Ground, extent, free_point, ground_near
 from gsedit.objects.placing.place import added, motion_of, moved, notes_of
 from gsedit.objects.placing.placement import Placement, RelativePlace, Triple, check_target
-from gsedit.objects.placing.stance import Stance, size_of, spread, stance_of
+from gsedit.objects.placing.stance import Stance, size_of, stance_of
 from gsedit.scene.color_space import LUMINANCE
 from gsedit.scene.framing import bounds, framing_camera, guess_up
 from gsedit.scene.quantiles import weighted_quantile
 from gsedit.scene.quaternions import axis_rotation, turn_between
 from gsedit.scene.similarity import IDENTITY
+from gsedit.surface.normals import visible_area
 from gsedit.surface.surroundings import (
     ROWS,
     Surroundings,
     cell_areas,
     cell_directions,
-    surroundings_at,
+    light_at,
 )
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
@@ -84,7 +85,7 @@ def above_ground(scene: Gaussians, up: Float[Tensor, "3"]) -> Bool[Tensor, " n"]
 
     A ground is a layer that holds much of the surface, and reaches farther than what is above it.
     """
-    points, weights = scene.means.double(), spread(scene)
+    points, weights = scene.means.double(), visible_area(scene)
     heights = points @ up
     low, high = (float(weighted_quantile(heights[:, None], weights, rank)) for rank in BULK)
     step = max(high - low, 1e-12) / LAYERS
@@ -130,7 +131,7 @@ def _main_parts(
     scene: Gaussians, numbers: Int[Tensor, " n"], center: tuple[float, float, float] | None
 ) -> Bool[Tensor, " n"]:
     """The part with most surface, and those near it; around a center, what is far counts less."""
-    weights = spread(scene)
+    weights = visible_area(scene)
     points = scene.means.double()
     if center is not None:
         away = (points - torch.tensor(center, dtype=torch.float64)).norm(dim=-1)
@@ -177,7 +178,7 @@ def balanced(
     """
     middle = stance.foot + stance.height / 2 * stance.up
     near = BODY * stance.height
-    here = surroundings_at(scene, middle, near, up, execution, cameras)
+    here = light_at(scene, middle, near, up, execution, cameras)
     ours = None if here.studio else _from_above(here, up)
     if ours is None:
         return body

@@ -150,12 +150,6 @@ class Stance:
     """Whether it touches a surface."""
 
 
-def spread(body: Gaussians) -> Float[Tensor, " n"]:
-    """Weights of an object's Gaussians: opacity times area, float64."""
-    area = body.log_scales.double().sort(-1).values[:, 1:].sum(-1).exp()
-    return body.opacities.double() * area
-
-
 def middle_of(body: Gaussians, up: Float[Tensor, "3"]) -> Float[Tensor, "3"]:
     """The middle of the smallest circle around an object's base, at half its height, float64.
 

@@ -8,7 +8,7 @@ grain, roughness and view dependence; under them, and elsewhere, lies a layer of
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import torch
@@ -120,16 +120,8 @@ SURROUNDINGS = 1.0
 """Width of what is known around a hole that is looked at, of the hole's size."""
 
 
-@dataclass(frozen=True, eq=False)
-class Gap:
-    """A hole in a view."""
-
-    camera: Camera
-    hole: Bool[np.ndarray, "h w"]
-
-
-def find_gap(views: Views) -> Gap | None:
-    """The view with the largest hole in the object's outline, and that hole; None: none has any.
+def find_gap(views: Views) -> tuple[Camera, Bool[np.ndarray, "h w"]] | None:
+    """(camera, hole) of the view with the largest hole in the object's outline; None: none has any.
 
     Where nothing is around the outline, there is no hole: the object was before nothing.
     """
@@ -142,14 +134,15 @@ def find_gap(views: Views) -> Gap | None:
         full = solve_membrane(alpha[..., None].astype(np.float64), sight.outline, around)[..., 0]
         hole = open_ & (full > SURROUNDED)
         if hole.sum() > max(LEAST_HOLE * sight.outline.sum(), largest):
-            best, largest = Gap(sight.camera, hole), float(hole.sum())
+            best, largest = (sight.camera, hole), float(hole.sum())
     return best
 
 
 @torch.no_grad()
 def backdrop(
     scene: Gaussians,
-    gap: Gap,
+    camera: Camera,
+    hole: Bool[np.ndarray, "h w"],
     sights: Sequence[Sight],
     execution: Execution = AUTO,
 ) -> tuple[Gaussians, bool]:
@@ -157,7 +150,6 @@ def backdrop(
 
     Inverse depth goes on smoothly from what is around.
     """
-    camera, hole = gap.camera, gap.hole
     shown = render(scene, camera, median_depth=True, execution=execution)
     depth = shown.median_depth
     assert depth is not None

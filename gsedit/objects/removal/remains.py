@@ -13,7 +13,6 @@ import numpy as np
 from jaxtyping import Bool, Float, Float64
 from scipy import ndimage
 
-from gsedit.objects.removal.sight import Contributions
 from gsedit.scene.neighbors import extent_of, k_nearest
 from gsedit.scene.planes import Plane
 
@@ -93,26 +92,27 @@ def strays(
     opacities: Float[np.ndarray, " n"],
     away: Float[np.ndarray, " n"],
     seen: Float[np.ndarray, " n"],
-    now: Contributions,
+    now: Float[np.ndarray, "3 n"],
     planes: Sequence[Plane],
 ) -> Bool[np.ndarray, " n"]:
     """Flag the Gaussians that go with the object.
 
     `away` is the distance from the object in its extent, `seen` what each Gaussian contributed
-    while the object was there, `now` what it does without. Those go that nobody saw, on a
-    plane or near the object; near it, what is enclosed and on no plane; haze
-    that is seen before the object more than beside it; and on a plane, what was
-    hardly seen, or touches the object, and does not look like it: remains of a foot or a shadow.
+    while the object was there, `now` what it does without (`contributions_of`). Those go that
+    nobody saw, on a plane or near the object; near it, what is enclosed and on no plane; haze that
+    is seen before the object more than beside it; and on a plane, what was hardly seen, or touches
+    the object, and does not look like it: remains of a foot or a shadow.
     """
-    total = np.maximum(now.total.numpy(), SHOWN)
-    trust = np.where(now.total.numpy() < SHOWN, 1.0, seen / total)
-    enclosed = now.outlined.numpy() > OUTLINED * total
+    all_, outlined, _ = now
+    total = np.maximum(all_, SHOWN)
+    trust = np.where(all_ < SHOWN, 1.0, seen / total)
+    enclosed = outlined > OUTLINED * total
     layers = [plane.on(points) for plane in planes]
     flat = np.any(layers, 0) if layers else np.zeros(len(points), bool)
     close = away < RIM
     gone = (trust < UNSEEN) & (flat | close) | (enclosed & close & ~flat)
     haze = (opacities < FAINT) & (away < HAZE) & ~flat
-    gone |= haze & (now.outlined.numpy() > HAZE_OUTLINED * total) & (trust < SURE)
+    gone |= haze & (outlined > HAZE_OUTLINED * total) & (trust < SURE)
     for layer in layers:
         touched = away < TOUCHED
         sure = np.flatnonzero(layer & (away < AROUND) & ~touched & (trust > SURE))

@@ -133,7 +133,7 @@ def _gaps_filled(left: _Left, views: Views, execution: Execution) -> tuple[_Left
         gap = find_gap(views)
         if gap is None:
             break
-        made, textured = backdrop(left.scene, gap, views.sights, execution)
+        made, textured = backdrop(left.scene, *gap, views.sights, execution)
         if not len(made):
             break
         left = left.plus(made, textured)
@@ -179,16 +179,18 @@ def _lit(left: _Left, sheet: Sheet, plane: Plane, extent: float) -> tuple[_Left,
     points = left.rest.means.numpy()
     cell = sheet.at(points)
     others = standing(sheet, plane, points[left.rest.opacities.numpy() > FIRM], extent)
-    shade = find_shade(sheet.values[..., :3], sheet.known, sheet.hole, sheet.caster, others, reach)
-    light = torch.from_numpy(shade.light.reshape(-1, 3)[cell]).to(left.rest.sh)[:, None]
-    moved = plane.on(points) & (cell >= 0) & (shade.light.reshape(-1, 3)[cell] < 1).any(1)
-    dark = torch.from_numpy(moved)
+    light, deep = find_shade(
+        sheet.values[..., :3], sheet.known, sheet.hole, sheet.caster, others, reach
+    )
+    own = light.reshape(-1, 3)[cell]
+    dark = torch.from_numpy(plane.on(points) & (cell >= 0) & (own < 1).any(1))
+    brighter = (1 / torch.from_numpy(own)).to(left.rest.sh)[dark, None]
     sh = left.rest.sh.clone()
-    sh[dark] = sh[dark] / light[dark]
-    sh[dark, :1] += 0.5 / SH_DC * (1 / light[dark] - 1)
-    values = sheet.values / np.tile(shade.light, sheet.values.shape[-1] // 3)
-    contact = widened(sheet.hole, CONTACT) & (shade.light.min(-1) < TOUCHED)
-    hole = sheet.hole | ((shade.deep | contact) & sheet.known)
+    sh[dark] *= brighter
+    sh[dark, :1] += 0.5 / SH_DC * (brighter - 1)
+    values = sheet.values / np.tile(light, sheet.values.shape[-1] // 3)
+    contact = widened(sheet.hole, CONTACT) & (light.min(-1) < TOUCHED)
+    hole = sheet.hole | ((deep | contact) & sheet.known)
     sheet = replace(sheet, values=values, known=sheet.known & ~hole, hole=hole)
     return replace(left, changed=left.changed | dark, rest=replace(left.rest, sh=sh)), sheet
 
@@ -229,9 +231,9 @@ def _without(
     points, removed = scene.means.numpy(), inside.numpy()
     rest = (~inside).nonzero().squeeze(1)
     kept = scene[rest]
-    now = contributions_of(kept, sights, execution)
+    now = contributions_of(kept, sights, execution).numpy()
     weights = np.zeros(len(scene))
-    weights[rest.numpy()] = now.around.numpy()
+    weights[rest.numpy()] = now[2]
     eye = np.mean([sight.camera.center.double().numpy() for sight in sights], 0)
     planes = find_planes(
         points, core_of(points, removed), shortest_axes(scene).numpy(), weights, eye

@@ -217,9 +217,9 @@ def _drawn(
     usual = basis(towards, layer.degree).mean(0).numpy() / SH_DC
     bands = values.reshape(*alpha.shape, -1, 3)
     values[..., :3] = 0.5 + SH_DC * np.einsum("hwkc,k->hwc", bands, usual)
-    said = testify(points, plane.heights(eyes), views, plane.band)
+    revealed, through, unhidden = testify(points, plane.heights(eyes), views, plane.band)
     values = _even(values, alpha)
-    known, votes = alpha > COVERED, (said.through, np.maximum(said.unhidden, 1), said.unhidden)
+    known, votes = alpha > COVERED, (through, np.maximum(unhidden, 1), unhidden)
     through, all_, seen = (gaussian_filter(each.reshape(alpha.shape), EDGE) for each in votes)
     solid = through <= SEEN_THROUGH * all_
     for other in others:
@@ -227,7 +227,7 @@ def _drawn(
         known &= ~behind | (seen > SEEN)
         if (known & behind).sum() <= BEHIND * known.sum():
             solid = solid & ~behind
-    hidden = (said.revealed > HIDDEN * said.unhidden).reshape(known.shape)
+    hidden = (revealed > HIDDEN * unhidden).reshape(known.shape)
     known |= closed(known, GAP) & solid & ~hidden
     hole = enclosing((hidden & solid) | known) & ~known
     open_ = hole & ~_surrounded(hole, known, hidden, least)
@@ -344,16 +344,6 @@ SOFT = 0.82
 """Light at the border of a shadow, of what is usual, from which it fades out."""
 
 
-@dataclass(frozen=True, eq=False)
-class Shade:
-    """The light that a shadow left, of what is usual."""
-
-    light: Float[np.ndarray, "h w 3"]
-    """In (0, 1]; 1 where there is no shadow."""
-    deep: Bool[np.ndarray, "h w"]
-    """Cells too dark for anything to be brought back."""
-
-
 def find_shade(
     picture: Float[np.ndarray, "h w 3"],
     known: Bool[np.ndarray, "h w"],
@@ -361,12 +351,15 @@ def find_shade(
     caster: Bool[np.ndarray, "h w"],
     others: Bool[np.ndarray, "h w"],
     farthest: float,
-) -> Shade:
+) -> tuple[Float[np.ndarray, "h w 3"], Bool[np.ndarray, "h w"]]:
     """The shadow around what casts it, on what is known of a surface; `farthest` cells from it.
+
+    (light that is left of what is usual, in (0, 1], 1 where there is no shadow; cells that are too
+    dark for anything to be brought back).
 
     What is nearer to `others`, that stand there too, is in their shadow.
     """
-    none = Shade(np.ones_like(picture), np.zeros_like(hole))
+    none = np.ones_like(picture), np.zeros_like(hole)
     source = hole | caster
     if not caster.any() or not (known & ~source).any():
         return none
@@ -396,7 +389,7 @@ def find_shade(
     light = np.where(shadow[..., None], light.clip(0.05, 1.0), 1.0)
     fading = mean_around(light, seen, sigma / 2).clip(0.05, 1.0)
     deep = shadow & (fading.mean(-1) < DEEP)
-    return Shade(np.where(known[..., None], fading, 1.0), deep)
+    return np.where(known[..., None], fading, 1.0), deep
 
 
 def _sharp(
