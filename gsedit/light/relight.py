@@ -71,9 +71,8 @@ def only_inside(
     """
     if inside is None or bool(inside.all()):
         return after
-    sh = torch.zeros_like(after.sh)
-    sh[:, : before.sh.shape[1]] = before.sh.detach()
-    return replace(after, sh=torch.where(inside[:, None, None], after.sh, sh))
+    outside = before.detach().with_degree(after.degree).sh
+    return replace(after, sh=torch.where(inside[:, None, None], after.sh, outside))
 
 
 def step(values: Float[Tensor, "*n"], low: float, high: float) -> Float[Tensor, "*n"]:

@@ -232,9 +232,7 @@ def in_material(
             "clean the scene first with gsedit clean, or edit with --editor small"
         )
     degree = 0 if material.is_matte else DEGREE
-    k = max(scene.sh.shape[1], (degree + 1) ** 2)
-    sh = scene.sh.new_zeros(len(scene), k, 3)
-    sh[:, : scene.sh.shape[1]] = scene.sh
+    sh = scene.with_degree(max(scene.degree, degree)).sh
     rows = inside.nonzero().squeeze(-1)
     only = torch.arange(len(rows))
     if shown is not None and not material.is_matte:
@@ -244,7 +242,7 @@ def in_material(
     bare = 1 - coverage(material.clings, studied.ground)[only]
     sh[rows] *= bare[:, None, None].to(sh)
     sh[rows, : colored.shape[1]] += ((1 - bare)[:, None, None] * colored).to(sh)
-    raised = k > scene.sh.shape[1]
+    raised = sh.shape[1] > scene.sh.shape[1]
     notes = (*studied.notes, *((RAISED.format(scene.degree),) if raised else ()))
     return Dressed(replace(scene, sh=sh), notes)
 

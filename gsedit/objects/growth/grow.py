@@ -133,7 +133,7 @@ def _grown(
     execution: Execution,
 ) -> Outcome:
     """The scene with what grew on it, and what that hides in its color."""
-    before, new = scene.detach(), _of_bands(new, scene.sh.shape[1])
+    before, new = scene.detach(), new.with_degree(scene.degree)
     share = torch.zeros(len(scene), dtype=torch.float64)
     if growth.hides:
         for patch in patches:
@@ -146,12 +146,6 @@ def _grown(
     changed = torch.cat((share > 0, torch.ones(len(new), dtype=torch.bool)))
     note = f"{name}: {len(new):,} Gaussians were added to {len(scene):,}"
     return Outcome(grown, origin, changed, (note,))
-
-
-def _of_bands(scene: Gaussians, k: int) -> Gaussians:
-    missing = scene.sh.new_zeros(len(scene), k - scene.sh.shape[1], 3)
-    fields = {**vars(scene), "sh": torch.cat((scene.sh, missing), 1)}
-    return Gaussians(**fields) if missing.shape[1] else scene
 
 
 def _made(scene: Gaussians, patches: list[Patch], growth: Growth, amount: float) -> Gaussians:
@@ -212,7 +206,10 @@ def _patches(
 ) -> list[Patch]:
     """Patches of a growth on the site; as fine as the number of Gaussians allows."""
     axes = _axes(site, growth)
-    pixel = max(growth.grain * site.size, FINEST * _width(scene[site.rows]))
+    pixel = max(
+        growth.grain * site.size,
+        FINEST * float(scene.scales[site.rows].sort(-1).values[:, 1].median()),
+    )
     points = site.setting.found.surface.points[site.rows]
     sides = (points.amax(0) - points.amin(0)).sort().values[1:]
     pixel = max(pixel, sqrt(float(sides.prod()) / MOST_PIXELS))
@@ -225,11 +222,6 @@ def _patches(
         if count <= MOST_NEW:
             return patches
         pixel *= COARSER * sqrt(count / MOST_NEW)
-
-
-def _width(part: Gaussians) -> float:
-    """Median of the middle standard deviations of Gaussians."""
-    return float(part.scales.sort(-1).values[:, 1].median())
 
 
 def _axes(site: Site, growth: Growth) -> Float[Tensor, "a 3"]:

@@ -256,7 +256,7 @@ def insert(
     beside = scene[at.of] if isinstance(at, RelativePlace) and at.of is not None else None
     placement = Placement(turn=turn, to=target)
     motion = motion_of(body, stance, placement, beside, ground)
-    there = with_degree(moved(body, motion.similarity), scene.degree)
+    there = moved(body, motion.similarity).with_degree(scene.degree)
     there = balanced(there, motion.stance, scene, around.up, seen_from, execution)
     light = Daylight(around, sun_of(scene, motion.stance, execution), execution)
     base = shaded(same(scene), there, motion.stance, light)
@@ -347,11 +347,3 @@ def _upright(
     similarity = replace(IDENTITY, turn=turn, scale=factor).about(stance.foot.numpy())
     sized = replace(stance, up=place.up, height=factor * stance.height, stands=False)
     return moved(body, similarity), sized
-
-
-def with_degree(body: Gaussians, degree: int) -> Gaussians:
-    """Gaussians with SH of a degree: bands above it are left out, missing ones are 0."""
-    count = (degree + 1) ** 2
-    sh = body.sh[:, :count]
-    missing = sh.new_zeros(len(body), count - sh.shape[1], 3)
-    return replace(body, sh=torch.cat((sh, missing), 1))

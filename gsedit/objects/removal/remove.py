@@ -239,7 +239,8 @@ def _without(
         points, core_of(points, removed), shortest_axes(scene).numpy(), weights, eye
     )
     colors = sh_to_color(kept.sh[:, 0]).numpy()
-    away = _distance(points[removed], points[rest.numpy()], AROUND * extent) / extent
+    some = points[removed][:: 1 + int(removed.sum()) // MOST_POINTS]
+    away = k_nearest(some, points[rest.numpy()], 1, AROUND * extent)[0][:, 0] / extent
     gone = strays(
         points[rest.numpy()], colors, kept.opacities.numpy(), away, seen[rest].numpy(), now, planes
     )
@@ -247,14 +248,6 @@ def _without(
         ground = planes[0]
         gone |= mirrored_under(points[removed], points[rest.numpy()], ground.normal, ground.offset)
     return rest[torch.from_numpy(~gone)], planes
-
-
-def _distance(
-    object_: Float[np.ndarray, "k 3"], points: Float[np.ndarray, "n 3"], most: float
-) -> Float[np.ndarray, " n"]:
-    """The distance of points from an object; infinite beyond `most`."""
-    some = object_[:: 1 + len(object_) // MOST_POINTS]
-    return k_nearest(some, points, 1, most)[0][:, 0]
 
 
 def _object(scene: Gaussians, inside: Bool[Tensor, " n"], cameras: Sequence[Camera]) -> Object:

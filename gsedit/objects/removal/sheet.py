@@ -237,12 +237,8 @@ def _drawn(
         known, hole = known & ~remains, hole | remains
     hole = opened(hole) | (hole & enclosing(known))
     empty = Sheet(camera, 1 / camera.fx, values, known, hole, hole, depth, usual)
-    return replace(empty, caster=_caster(empty, plane, thing))
-
-
-def _caster(sheet: Sheet, plane: Plane, thing: Object) -> Bool[np.ndarray, "h w"]:
-    """The cells that the object is close over."""
-    return sheet.under(thing.points[np.abs(plane.heights(thing.points)) < CLOSE * thing.extent])
+    close = np.abs(plane.heights(thing.points)) < CLOSE * thing.extent
+    return replace(empty, caster=empty.under(thing.points[close]))
 
 
 def standing(
