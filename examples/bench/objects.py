@@ -23,8 +23,8 @@ from bench.object_cases import CASES, NOON, Case, placed
 from bench.staged import Labelled, Stage
 from gsedit.cameras.place import place_of
 from gsedit.errors import GseditError
+from gsedit.light.named import LightSetup, Sun
 from gsedit.light.relight import relit
-from gsedit.light.setup import LightSetup, Sun
 from gsedit.materials.apply import in_material
 from gsedit.materials.named import paint_of
 from gsedit.measures.metrics import NEAREST, psnr

@@ -8,8 +8,15 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 
-from gsedit.materials.material import USUAL_SPECULAR, Layer, Material, darker, recolored
-from gsedit.materials.table import MATERIALS, OVERS
+from gsedit.materials.table import (
+    MATERIALS,
+    OVERS,
+    USUAL_SPECULAR,
+    Layer,
+    Material,
+    darker,
+    recolored,
+)
 from gsedit.words.colors import between, longest
 from gsedit.words.looks import material_of as canonical
 

@@ -17,7 +17,8 @@ from scipy.ndimage import distance_transform_edt
 from torch import Tensor
 
 from gsedit.errors import Said, UsageError
-from gsedit.scene.quantiles import extent_of, weighted_quantile
+from gsedit.scene.neighbors import extent_of
+from gsedit.scene.quantiles import weighted_quantile
 from gsedit.select.graph import Neighbors, smooth
 from gsedit.select.layers import level_patches
 from gsedit.select.lift import cut_out

@@ -1,15 +1,18 @@
-"""Shadows from depth that is rendered from the light's side. `n` points; world units."""
+"""Visibility of light: shares of it that come past what is in the way, by depth from its side.
+
+`n` points, `d` directions; world units.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import radians
+from math import inf, radians
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.cameras.orbit import perpendicular
+from gsedit.cameras.orbit import parallel, perpendicular
 from gsedit.cameras.place import Place
 from gsedit.scene.quaternions import even_directions
 from rasterizer.camera import Camera, look_at
@@ -17,6 +20,8 @@ from rasterizer.numerics import AUTO, Execution
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
 
+OFFSET_PIXELS = 1.0
+"""Distance above a surface, in pixels of a map, at which light on it is asked for."""
 BIAS_PIXELS, BIAS_SIZES = 1.5, 1.0
 """Least depth behind a surface that is in its shadow, in pixels of the map and in median standard
 deviations of what casts it: less is the surface itself, whose depth is not known better."""
@@ -32,6 +37,47 @@ others are haze."""
 SUN_RAYS = 6
 """Directions within a sun's disc: their mean is its soft shadow."""
 GOLDEN_ANGLE = 2.399963
+
+
+def open_share(
+    occluders: Gaussians,
+    place: Place,
+    points: Float[Tensor, "n 3"],
+    directions: Float[Tensor, "d 3"],
+    execution: Execution = AUTO,
+    *,
+    normals: Float[Tensor, "n 3"] | None = None,
+    side: int = SMALL_SKY,
+    reach: float = inf,
+) -> Float[Tensor, "n d"]:
+    """Share, in [0, 1], of parallel light from each direction that comes to points of a place.
+
+    What is farther than `reach` before a point hides nothing from it. With `normals`, the points
+    are of a surface, and light is asked for just above it.
+    """
+    if normals is not None:
+        points = points + OFFSET_PIXELS * 2 * place.radius / side * normals
+    maps = (parallel_map(occluders, place, each, side, execution) for each in directions)
+    return torch.stack([lit_share(each, points, reach) for each in maps], 1)
+
+
+def past_body(
+    body: Gaussians,
+    points: Float[Tensor, "n 3"],
+    directions: Float[Tensor, "d 3"],
+    execution: Execution = AUTO,
+    normals: Float[Tensor, "n 3"] | None = None,
+) -> Float[Tensor, "n d"]:
+    """Share, in [0, 1], of each direction's light that comes to points past one object, which the
+    points may be of."""
+    solid = replace(body, sh=body.sh[:, :1])[body.opacities > FAINT_OPACITY].detach()
+    solid = solid if len(solid) else body.detach()
+    means = solid.means.double()
+    middle = (means.amin(0) + means.amax(0)) / 2
+    radius = 1.1 * float((means - middle).norm(dim=-1).amax()) + 1e-9
+    up, front = torch.eye(3, dtype=torch.float64)[:2]
+    place = Place(middle, up, front, 2 * radius, radius)
+    return open_share(solid, place, points, directions, execution, normals=normals)
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,9 +99,9 @@ def casters(scene: Gaussians, place: Place) -> Gaussians:
     return replace(scene, sh=scene.sh[:, :1])[inside].detach()
 
 
-def sky_directions(place: Place) -> Float[Tensor, "d 3"]:
-    """Evenly spread directions of the sky, unit vectors, float64."""
-    every = torch.from_numpy(even_directions(SKY_DIRECTIONS)).double()
+def sky_directions(place: Place, count: int = SKY_DIRECTIONS) -> Float[Tensor, "d 3"]:
+    """Evenly spread directions of the sky, unit vectors, float64: of `count` those above ground."""
+    every = torch.from_numpy(even_directions(count)).double()
     height = every @ place.up
     return every[height > LOWEST_SKY]
 
@@ -79,11 +125,9 @@ def parallel_map(
     execution: Execution = AUTO,
 ) -> DepthMap:
     """Depth of the place from far away along a unit vector, in parallel rays."""
-    eye = place.center + 2 * place.radius * direction
-    camera = look_at(eye, place.center, _level(place.up, direction), 60.0, side, side)
-    focal = side / (2 * place.radius)
-    camera = replace(camera, fx=focal, fy=focal, model="ortho", near=1e-3 * place.radius)
-    return _drawn(occluders, camera, 1 / focal, execution)
+    pixel, away = 2 * place.radius / side, 2 * place.radius
+    camera = parallel(place.center, direction, place.up, pixel, (side, side), away)
+    return _drawn(occluders, replace(camera, near=1e-3 * place.radius), pixel, execution)
 
 
 def spot_map(
@@ -95,14 +139,11 @@ def spot_map(
 ) -> DepthMap:
     """Depth of the place from a lamp at `eye` that looks at its center; half a cone in degrees."""
     distance = float((eye - place.center).norm())
-    upward = _level(place.up, (eye - place.center) / distance)
+    towards = (eye - place.center) / distance
+    upward = place.up if abs(float(place.up @ towards)) < 0.99 else perpendicular(towards)
     camera = look_at(eye, place.center, upward, 2 * cone, SHARP, SHARP)
     camera = replace(camera, near=0.15 * distance)
     return _drawn(occluders, camera, distance / camera.fx, execution)
-
-
-def _level(up: Float[Tensor, "3"], direction: Float[Tensor, "3"]) -> Float[Tensor, "3"]:
-    return up if abs(float(up @ direction)) < 0.99 else perpendicular(direction)
 
 
 @torch.no_grad()
