@@ -108,8 +108,7 @@ def transform(
 
     Steps run in the order of the command line. Covariances and SH follow exactly.
     """
-    from gsedit.toolkit.steps import compose
-    from gsedit.toolkit.transform import transform_of
+    from gsedit.toolkit.transform import compose, transform_of
 
     given = in_order(
         {"translate": translate, "rotate": rotate, "rotate_axis": rotate_axis, "quat": quat,

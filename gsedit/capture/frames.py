@@ -92,8 +92,7 @@ def extract_steps(
     None: as many as its length and its motion ask for. Each of `count` stretches of equal time
     gives its sharpest frame, except where the picture is still: it is taken once. Frames are turned
     as the video's metadata says, and at most LONGEST_SIDE pixels long. A video that is cut off
-    gives what can be decoded, with a note. The folder's frames.json keeps the choice: with it, work
-    that was interrupted goes on, and work that is done is not done again.
+    gives what can be decoded, with a note.
 
     Raises InputError for a file that is no video, that is black, or that shows one still picture;
     GseditError without PyAV.

@@ -16,10 +16,10 @@ from gsedit.scene.planes import planes_through, refined_plane
 from gsedit.scene.quaternions import AXES, quaternion_of, turn_between
 from gsedit.scene.similarity import IDENTITY, Similarity
 from gsedit.scene.table import SplatTable, gaussians_of
+from gsedit.toolkit.decimate import importance
 from gsedit.toolkit.operation import Say, Whole
-from gsedit.toolkit.order import importance
 from gsedit.toolkit.registration import register
-from gsedit.toolkit.steps import scale
+from gsedit.toolkit.transform import scale
 
 SAMPLED_SPLATS = 20_000
 """Splats that are looked at, drawn by opacity times area."""

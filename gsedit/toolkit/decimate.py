@@ -1,4 +1,4 @@
-"""Fewer Gaussians with the same look."""
+"""Rows in another order, and fewer Gaussians with the same look."""
 
 from __future__ import annotations
 
@@ -8,16 +8,40 @@ from math import ceil
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
+from jaxtyping import Float
 
 from gsedit.errors import InputError, UsageError
 from gsedit.formats.validity import describe_invalid, invalid_rows
-from gsedit.scene.merging.pairs import groups, represent
+from gsedit.scene.merging.pairs import groups, mean_area, represent
+from gsedit.scene.morton import morton_order
 from gsedit.scene.table import SplatTable, gaussians_of
 from gsedit.toolkit.operation import Say, Whole
-from gsedit.toolkit.order import importance
 
 if TYPE_CHECKING:
     from rasterizer.camera import Camera
+
+
+@dataclass(frozen=True)
+class Order(Whole):
+    """Sort the rows along Morton's curve, or by importance: opacity times projected area."""
+
+    sorts: ClassVar[bool] = True
+    by: str = "morton"
+
+    def __post_init__(self) -> None:
+        if self.by not in ("morton", "importance"):
+            raise UsageError(f"order by {self.by}: morton and importance are possible")
+
+    def apply(self, table: SplatTable, say: Say) -> SplatTable:
+        if self.by == "morton":
+            return table[morton_order(table.means)]
+        return table[np.argsort(-importance(table), kind="stable")]
+
+
+def importance(table: SplatTable) -> Float[np.ndarray, " n"]:
+    """Opacity times mean projected area."""
+    return table.opacities.astype(np.float64) * mean_area(table.scales)
+
 
 SIZE, VIEWS = 256, 8
 """Longer side, pixels, and number of the pictures that tell what changed."""

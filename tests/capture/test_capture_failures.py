@@ -8,14 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from command_line import gsedit, one_line
-from lens_photos import RealLens, look_at, take, turn, walk
+from lens_photos import RealLens, take, turn, walk
 from PIL import Image
 
-from gsedit.capture import capture, photos
+from gsedit.capture import photos
 from gsedit.capture.causes import Evidence, cause, hopeless
-from gsedit.capture.folder import find_photos
-from gsedit.capture.settings import CaptureSettings
-from gsedit.capture.stages import Stages
 
 
 def failure(folder, out, *words):
@@ -133,31 +130,6 @@ def test_photos_of_plain_surfaces(tmp_path):
     line = failure(tmp_path / "photos", tmp_path / "scene", "--features", 300, "--no-retries")
     assert "none of 5 photos could be posed: too little texture (0 features a photo)" in line
     assert "put a patterned cloth" in line
-
-
-def test_a_long_lens_without_exif(tmp_path):
-    """Four times the picture's width, where 1.2 times is guessed: photos match, some do not fit."""
-    turns = np.radians(np.arange(0, 56, 7))
-    poses = [look_at((2.4 * np.cos(a), 2.4 * np.sin(a), 0.9), (0, 0, 0.3)) for a in turns]
-    take(tmp_path / "photos", poses, RealLens(160, 160, 640.0, 0.0, 0.0))
-    settings = CaptureSettings(features=600, retries=False, threads=1)
-    found = find_photos(tmp_path / "photos", tmp_path / "scene")
-    stages = Stages(tmp_path / "work", 1)
-    (prepared, key), _ = drained(capture._prepared(found, tmp_path / "photos", stages, settings))
-    work = capture._Mapping(tmp_path / "photos", stages, settings, prepared, key)
-    drained(work.climb())
-    assert work.posed < 7
-    assert "their focal length is unknown: name it with --focal" in work.cause()
-
-
-def drained(working):
-    """Return the result of some work, and the items that it yielded."""
-    shown = []
-    while True:
-        try:
-            shown.append(next(working))
-        except StopIteration as end:
-            return end.value, shown
 
 
 def evidence(pairs, features=1000, focal_known=True, count=10):

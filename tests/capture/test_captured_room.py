@@ -101,16 +101,3 @@ def test_what_changes_is_done_again_and_no_more(captured, monkeypatch, tmp_path)
         "undistortion", "global mapping", "matches", "features", "features", "features",
     ]  # fmt: skip
     assert not (scene / "images").exists()  # -f began anew
-
-
-def test_fit_and_edit_go_on_from_it(captured, tmp_path):
-    scene, out = tmp_path / "scene.ply", tmp_path / "out"
-    fit = gsedit("fit", captured.scene, "-o", scene, "--size", 32, "--steps", 3)
-    assert fit.exit_code == 0, fit.stderr
-    edit = gsedit(
-        "edit", scene, "as bronze", "-o", out, "--data", captured.scene, "--editor", "closed-form",
-        "--size", 32, "--batches", 1, "--views", 3, "--update-steps", 3, "--steps", 3,
-        "--patch", 16, "--held-out-edits", 0, "--overlap", 1, "--coverage", 1,
-    )  # fmt: skip
-    assert edit.exit_code == 0, edit.stderr
-    assert (out / "scene.ply").is_file()

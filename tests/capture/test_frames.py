@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from gsedit.capture.frames import Extraction, Video, extract_steps, is_video
+from gsedit.capture.frames import Extraction, extract_steps, is_video
 from gsedit.errors import GseditError, InputError
 
 pytest.importorskip("av", reason="needs PyAV: pip install 'gsedit[video]'")
@@ -108,29 +108,6 @@ def test_a_video_that_is_cut_off_gives_what_it_has_and_says_so(walk, tmp_path):
     assert len(found.paths) >= 4
     assert "short.mp4 is cut off: " in found.notes[0]
     assert " of 6.0 s can be decoded" in found.notes[0]
-
-
-def test_frames_are_found_again_where_the_second_pass_decodes_others(walk, tmp_path, monkeypatch):
-    data, short = walk.read_bytes(), tmp_path / "short.mp4"
-    short.write_bytes(data[: len(data) // 2])
-    expected = [np.asarray(Image.open(each)) for each in extract(short, tmp_path / "a", 12)]
-    decode, passes = Video._pictures, []
-
-    def damaged(video):
-        """Without its second and last frames when it is decoded again."""
-        pictures = list(decode(video))
-        passes.append(len(pictures))
-        return iter([pictures[0], *pictures[2:-1]] if len(passes) == 2 else pictures)
-
-    monkeypatch.setattr(Video, "_pictures", damaged)
-    found = extraction(short, tmp_path / "b", 12)
-    assert len(passes) == 2
-    shown = {path.name: np.asarray(Image.open(path)) for path in found.paths}
-    for path, picture in zip(sorted((tmp_path / "a").glob("*.jpg")), expected):
-        assert path.name not in shown or np.array_equal(shown[path.name], picture)
-    assert len(shown) >= len(expected) - 2
-    lost = len(expected) - len(shown)
-    assert sum("could not be decoded again" in note for note in found.notes) == bool(lost)
 
 
 def test_a_recording_without_its_index_says_that_it_is_cut_off(tmp_path):

@@ -109,14 +109,6 @@ def test_nerfstudio_and_colmap_read_the_same_lens(model, tmp_path):
     assert (again.camera.fx, again.camera.fy) == (view.camera.fx, view.camera.fy)
 
 
-def test_other_names_of_a_fisheye(tmp_path):
-    record = nerfstudio_record("OPENCV_FISHEYE", tmp_path)
-    expected = load_dataset(write(tmp_path, record)).views[1].image
-    for change in ({"camera_model": "FISHEYE"}, {"camera_model": "OPENCV", "is_fisheye": True}):
-        view = load_dataset(write(tmp_path, record | change)).views[1]
-        assert torch.equal(view.image, expected)
-
-
 def test_k4_of_an_opencv_lens_is_refused_with_the_two_meanings(tmp_path):
     record = dataset(tmp_path) | {"k4": 0.1}
     with pytest.raises(InputError, match=r"frames\[0\].*k4 has two meanings.*FULL_OPENCV.*FISHEYE"):

@@ -156,15 +156,6 @@ def test_nodes_place_their_splats(tmp_path):
     assert_near(to_axes(again, LUF), placed, **{**EXACT, "means": 1e-5, "opacities": 1e-5}, sh=1e-5)
 
 
-def test_without_scenes_every_node_that_is_nobodys_child_is_shown_once(tmp_path):
-    table = random_table(5, 0)
-    scene, data = by_hand(table)
-    del scene["scenes"], scene["scene"]
-    scene["nodes"] = [{"children": [1]}, {"mesh": 0}]
-    again = open_scene(glb(tmp_path / "a.glb", scene, data)).table()
-    assert_near(again, table, **{**EXACT, "opacities": 1e-5})
-
-
 def test_another_color_space_is_named(tmp_path):
     scene, data = by_hand(random_table(5, 0))
     about = scene["meshes"][0]["primitives"][0]["extensions"][EXTENSION]

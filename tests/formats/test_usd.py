@@ -19,8 +19,7 @@ from gsedit.formats.table import USD
 from gsedit.scene.similarity import similarity_of
 from gsedit.scene.table import SplatTable
 from gsedit.toolkit.align import AlignLength
-from gsedit.toolkit.steps import scale
-from gsedit.toolkit.transform import Transform
+from gsedit.toolkit.transform import Transform, scale
 
 TINY = Path(__file__).parents[1] / "data" / "splats"
 FIELDS = ("means", "log_scales", "opacities", "sh")

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 import torch
 
-from gsedit.scene.cache import EACH, SceneCache, cached_per_scene
+from gsedit.scene.cache import SceneCache, cached_per_scene
 from gsedit.synthetic import demo_scene, surface_gaussians
 from rasterizer.scene import Gaussians
 
@@ -69,17 +69,6 @@ def test_arguments_are_told_apart_by_what_they_hold(scene):
         flags[1] = True
         count.function(scene, flags)
         assert count.times == 2
-
-
-def test_only_the_latest_results_are_kept(scene):
-    count = Counted()
-    with SceneCache(scene).used():
-        for factor in range(EACH + 1):
-            count.function(scene, float(factor))
-        count.function(scene, float(EACH))
-        assert count.times == EACH + 1
-        count.function(scene, 0.0)
-        assert count.times == EACH + 2
 
 
 def test_what_fails_is_asked_again(scene):

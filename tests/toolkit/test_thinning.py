@@ -14,8 +14,7 @@ from gsedit.scene.table import SplatTable, concatenate_tables, gaussians_of, tab
 from gsedit.synthetic import surface_gaussians
 from gsedit.synthetic.gallery import globe
 from gsedit.toolkit import Decimate, Order, apply, merge
-from gsedit.toolkit.decimate import picture_change
-from gsedit.toolkit.order import importance, mean_area
+from gsedit.toolkit.decimate import importance, mean_area, picture_change
 
 
 def decimate(table: SplatTable, count: int | None = None, **words) -> SplatTable:

@@ -11,7 +11,7 @@ from gsedit.errors import UsageError
 from gsedit.scene.similarity import Similarity, moved_camera
 from gsedit.scene.table import SPLAT_FIELDS, SplatTable, gaussians_of, table_of
 from gsedit.toolkit import transform
-from gsedit.toolkit.steps import compose
+from gsedit.toolkit.transform import compose
 from rasterizer import Camera, Gaussians, render
 
 CAMERA = Camera(torch.eye(4, dtype=torch.float64), 90.0, 90.0, 30.0, 33.0, 64, 64)

@@ -9,8 +9,7 @@ import torch
 
 from gsedit.scene.similarity import Similarity
 from gsedit.scene.table import gaussians_of, table_of
-from gsedit.toolkit.steps import compose
-from gsedit.toolkit.transform import center_of, moved_rows
+from gsedit.toolkit.transform import center_of, compose, moved_rows
 from rasterizer.scene import Gaussians
 
 if TYPE_CHECKING:

@@ -15,13 +15,16 @@ from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float32, Int32, Shaped, UInt8
-from PIL import Image
 
 from gsedit.formats.quantised import smallest_three
-from gsedit.formats.sog.file import ENTRIES_A_ROW, LARGEST_TAG, META
 from gsedit.scene.morton import morton_order
 from gsedit.scene.table import SplatTable
 
+META = "meta.json"
+LARGEST_TAG = 252
+"""Alpha of a rotation: this, plus the place of the largest component of wxyz."""
+ENTRIES_A_ROW = 64
+"""Entries in a row of the palette's picture; an entry has one pixel a coefficient."""
 CODES = 256
 """Entries of a codebook: an index is one byte."""
 _BINS = 1 << 16
@@ -256,6 +259,8 @@ def _opaque(pixels: UInt8[np.ndarray, "h w c"]) -> UInt8[np.ndarray, "h w 4"]:
 
 def lossless_webp(pixels: UInt8[np.ndarray, "h w 4"]) -> bytes:
     """The picture with every value as it is, colors of transparent pixels too (`exact`)."""
+    from PIL import Image
+
     out = io.BytesIO()
     Image.fromarray(pixels).save(out, "WEBP", lossless=True, exact=True, quality=75, method=4)
     return out.getvalue()

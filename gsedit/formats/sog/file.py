@@ -24,6 +24,7 @@ from jaxtyping import Float32, Float64, UInt8
 from gsedit.errors import InputError
 from gsedit.formats.limits import check_expansion
 from gsedit.formats.quantised import from_smallest_three, logits_of
+from gsedit.formats.sog.encode import ENTRIES_A_ROW, LARGEST_TAG, META, write_sog
 from gsedit.formats.streams import (
     AT_ONCE,
     Blocks,
@@ -48,11 +49,6 @@ from gsedit.storage.json_files import (
 )
 from gsedit.storage.safe_names import safe_name
 
-META = "meta.json"
-LARGEST_TAG = 252
-"""Alpha of a rotation: this, plus the place of the largest component of wxyz."""
-ENTRIES_A_ROW = 64
-"""Entries in a row of the palette's picture; an entry has one pixel a coefficient."""
 _CUT = "it is cut off or damaged, copy or export it again"
 _BROKEN_ZIP = (
     zipfile.BadZipFile, zlib.error, struct.error,
@@ -107,8 +103,6 @@ def open_source(path: Path, options: ReadOptions) -> SceneSource:
 
 def write(path: Path, header: SceneHeader, blocks: Blocks, options: WriteOptions) -> int:
     """Write a zip of version 2, rows in Morton order; the number of rows."""
-    from gsedit.formats.sog.encode import write_sog
-
     table = gather(blocks, header, 0)
     if len(table):
         write_sog(path, table, antialiased=header.antialiased)
