@@ -129,11 +129,18 @@ def _measure(view: MeasuredView, rows: Collection[Metric]) -> Shown:
 def _values(shown: Shown) -> dict[str, float]:
     """The values of one view."""
     return {
-        name: METRICS[name].function(sqrt(each.total / each.values))
+        name: _of_rmse(METRICS[name], sqrt(each.total / each.values))
         if isinstance(each, SquaredError)
         else each
         for name, each in shown.items()
     }
+
+
+def _of_rmse(row: Metric, error: float) -> float:
+    """A metric of a pooled standard."""
+    value = row.function(error)
+    assert value is not None  # only what needs weights or size may be missing
+    return value
 
 
 def _means(row: Metric, subject: EvaluationInput, shown: Mapping[int, Shown]) -> dict[Group, Mean]:
@@ -156,8 +163,9 @@ def _pooled(row: Metric, errors: Sequence[Any]) -> Mean:
     views = range(len(errors))
     error = pooled_rmse(errors)
     within = interval(errors, [(i,) for i in views], lambda sums: (sums[0] / sums[1]) ** 0.5)
-    ends = within and tuple(sorted(map(row.function, within)))
-    return Mean(row.function(error), len(errors), ends)
+    assert error is not None  # no view without a pixel outside is here
+    low, high = sorted(_of_rmse(row, end) for end in within or (error, error))
+    return Mean(_of_rmse(row, error), len(errors), (low, high) if within else None)
 
 
 def _warp(subject: EvaluationInput) -> tuple[WarpComparison, ...]:

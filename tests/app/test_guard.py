@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 from websockets.datastructures import Headers
 
-from gsedit.app.guard import Guard
 from gsedit.app.places import Places, free
 from gsedit.app.reading import read
+from gsedit.app.server import Guard
 from gsedit.errors import UsageError
 
 TOKEN = "abcdef0123456789"
