@@ -37,8 +37,8 @@ SIZE = 480
 LIMIT = 300.0
 """Seconds that a command may take."""
 SHORTER = {"fit": ["--steps", "150", "--minutes", "60", "--force"]}
-"""Options that make a verb short: steps, with minutes that never end it; a schedule by seconds differs
-between two runs."""
+"""Options that make a verb short: steps, and minutes that never end it, since a schedule by
+seconds differs between two runs."""
 SKIPPED = (
     (r"(?!gsedit )", "not gsedit"),
     (r"gsedit (app|mcp|doctor)\b", "a server, or about this machine"),
