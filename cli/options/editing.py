@@ -50,7 +50,7 @@ class EditorOptions:
     """2D editor (see gsedit list editors). auto: tone, paint, materials, light and weather on the
     scene itself, small for the rest."""
     model: str | None = option()
-    """pix2pix, diffusers: a folder of weights, or a Hugging Face id. small: a file of weights."""
+    """pix2pix, diffusers: a folder of weights, or a Hugging Face id."""
     weights_dir: Path | None = option()
     """pix2pix, diffusers: folder where downloaded weights are kept."""
     yes: bool = option(False)
@@ -58,16 +58,11 @@ class EditorOptions:
     runtime: str | None = option(None, "torch|openvino|auto")
     """pix2pix, diffusers: who computes the networks. auto: openvino where it is installed, measured
     faster, and as exact; its networks are kept in the cache folder. None: auto."""
-    decoder: Path | None = option(None, "FOLDER")
-    """pix2pix, diffusers: a folder with a small decoder (TAESD) of the model's latents: faster,
-    less exact."""
     run: str | None = option(None, "COMMAND")
     """command: the program to run, as in "my_editor {input} {output} {prompt}". It must write to
     the folder {output} a PNG for each PNG in {input}. No shell is involved."""
     timeout: float | None = option(None, "SECONDS")
     """command: seconds that the program may take for the views of a batch. None: no limit."""
-    guess: bool = option(False)
-    """small: follow an instruction that it does not understand with the nearest known look."""
 
     def settled(self) -> EditorOptions:
         """Return the options with the default editor where gsedit may choose one."""
@@ -88,11 +83,9 @@ class EditorOptions:
             model=self.model,
             weights_dir=self.weights_dir,
             runtime=self.runtime,
-            decoder=self.decoder,
             run=self.run,
             timeout=self.timeout,
             folder=out / "command",
-            guess=self.guess or None,
             yes=self.yes or agreed,
             precision=precision,
         )
@@ -169,7 +162,7 @@ def resolve(preset: str, values: Values) -> tuple[EditSettings, Strategy]:
 
     Raises UsageError for a value out of range, and a setting that another strategy has.
     """
-    from gsedit.paper.presets import find_preset
+    from gsedit.paper.settings import find_preset
     from gsedit.paper.strategies import DEFAULT, find_strategy, strategy_names
 
     named, name = find_preset(preset), values.get(("strategy",), DEFAULT)

@@ -63,7 +63,7 @@ def app(path: Opened = None, *, own: AppOptions) -> None:
 
 def run_page(path: Path | None, own: AppOptions) -> None:
     """Serve the page until Ctrl-C."""
-    from gsedit.app.memory import share_heaps
+    from gsedit.app.loaded import share_heaps
     from gsedit.app.opening import open_path
     from gsedit.app.page import Page
     from gsedit.app.places import Places

@@ -1,15 +1,15 @@
-"""`gsedit bench`: the renderer, and the error of an edit."""
+"""`gsedit bench`: the speed and the errors of the renderer on this machine."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import typer
 
-from ..core.command import VerbCommand, argument, as_command, option, parameters_of
+from ..core.command import VerbCommand, as_command, option, parameters_of
 from ..core.console import print_message, print_result
 from ..core.exits import Interrupted
 from ..core.outputs import check_folder
@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from gsedit.runs.events import Event
 
 bench = typer.Typer(no_args_is_help=True, add_completion=False, rich_markup_mode=None)
-
-Instruction = Annotated[str, argument("INSTRUCTION", "Instruction of the editor closed-form.")]
 
 Row = TypeVar("Row")
 
@@ -48,19 +46,9 @@ class TargetOptions:
     """A short run: fewer and smaller cases."""
 
 
-@dataclass(frozen=True)
-class EditOptions(StabilityOptions):
-    """Options of `gsedit bench edit`."""
-
-    out: Path = option(Path("out/bench_edit"), "PATH", flags="--output -o")
-    """Folder for the results."""
-    strategy: str = option("single-pass", "NAME")
-    """How views and scene are edited."""
-
-
 @bench.callback()
 def bench_() -> None:
-    """Measure the renderer and an edit on this machine."""
+    """Measure the renderer on this machine."""
 
 
 def stability(*, own: StabilityOptions) -> None:
@@ -81,44 +69,21 @@ def stability(*, own: StabilityOptions) -> None:
 
 
 def targets(*, own: TargetOptions) -> None:
-    """Print which targets of speed and accuracy the renderer reaches on this machine.
+    """Print how many times as fast as the reference the renderer is here, and its errors.
 
     The exit code is 0 whether or not they are reached.
 
     gsedit bench targets --points garden.npz
     """
 
-    from gsedit.bench.renderer.targets import FULL, QUICK, measure_targets, table
+    from gsedit.bench.renderer.speed import measure_targets, table
 
-    size = QUICK if own.quick else FULL
-    rows = collect(measure_targets(size, own.points, own.cache))
-    reached = sum(target.reached is True for target in rows)
+    rows = collect(measure_targets(own.points, own.cache, quick=own.quick))
+    reached = sum(row.reached is True for row in rows)
     print_result({"targets": rows, "reached": reached}, table(rows))
 
 
-def edit(
-    instruction: Instruction = "turn the bear into a bronze statue",
-    *,
-    own: EditOptions,
-) -> None:
-    """Measure the error of an edit of the built-in scene against seconds, at held-out cameras.
-
-    The error is to the exact edit. Writes edit.jsonl and edit.md.
-
-    gsedit bench edit -o out/bench_edit
-    """
-    check_folder(own.out, own.force)
-
-    from gsedit.bench.edit import QUICK, ROWS, EditPlan, edit_to_folder, table
-
-    plan = replace(
-        QUICK if own.quick else EditPlan(), instruction=instruction, strategy=own.strategy
-    )
-    rows = collect(edit_to_folder(own.out, plan), own.out / ROWS)
-    print_result({"folder": own.out, "rows": rows}, table(rows))
-
-
-for verb in (targets, stability, edit):
+for verb in (targets, stability):
     bench.command(cls=VerbCommand)(as_command(verb, parameters_of(verb), verb))
 
 

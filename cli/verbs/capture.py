@@ -21,7 +21,7 @@ from ..core.command import (
     shows,
     with_values,
 )  # fmt: skip
-from ..core.console import print_message, print_result
+from ..core.console import as_json, print_message, print_result
 from ..core.exits import Interrupted
 from ..core.outputs import check_folder
 from ..core.progress import progress, result_of
@@ -29,6 +29,7 @@ from ..options.common import Writes
 
 if TYPE_CHECKING:
     from gsedit.capture.capture import CaptureResult
+    from gsedit.capture.stages import Line
 
 NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine")
 
@@ -92,13 +93,19 @@ def run_capture(
         work.start_anew(out)
     try:
         with progress() as show:
-            handlers = {work.Line: lambda line: print_message(line.text), Event: show}
+            handlers = {work.Line: print_line, Event: show}
             return result_of(work.capture_steps(photos, out, settings), handlers)
     except KeyboardInterrupt:
         raise Interrupted(
             f"interrupted; the stages that ended are kept in {out / work.WORK}: go on with the "
             "same command"
         ) from None
+
+
+def print_line(line: Line) -> None:
+    """Print a remark; its option for a person alone."""
+    option = "" if as_json.get() or not line.option else f" ({line.option})"
+    print_message(f"{line.text}{option}")
 
 
 def print_capture(result: CaptureResult, out: Path) -> None:

@@ -284,7 +284,7 @@ def asked_of_editor(asked: EditCommand, *, exact: bool) -> tuple[EditSettings, d
     settings, strategy = resolve(own.preset, values)
     if exact or not asked.drawn:
         return settings, {}
-    from gsedit.paper import strategy as traits
+    from gsedit.paper import request as traits
 
     traits.check_strategy(strategy)
     if idle := idle_settings(values, settings):
@@ -351,7 +351,7 @@ def run_and_show(
     begin with the `earlier` ones of a resumed edit.
     """
     from gsedit.measures.against import UNFINISHED
-    from gsedit.pictures.stage_table import table
+    from gsedit.pictures.figures import table
     from gsedit.runs.events import Checkpoint, Event
     from gsedit.runs.journal import event_journal
 

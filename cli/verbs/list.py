@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
 from functools import reduce
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from gsedit.errors import UsageError
 
-from ..core.command import argument, option, settings_of
+from ..core.command import argument, settings_of
 from ..core.console import as_json, print_message, print_result
-from ..options.common import Writes
 
 if TYPE_CHECKING:
     from gsedit.editors import Listing
-    from gsedit.paper.presets import Preset
+    from gsedit.paper.settings import Preset
 
 
 What = Annotated[
@@ -37,15 +34,7 @@ Name = Annotated[
 ]
 
 
-@dataclass(frozen=True)
-class SheetOptions(Writes):
-    """Picture of the looks, of `gsedit list looks`."""
-
-    out: Path | None = option(None, "PATH", flags="--output -o")
-    """looks: picture to write, with every look on the built-in scene (about a minute)."""
-
-
-def list_(what: What, name: Name = None, *, own: SheetOptions) -> None:
+def list_(what: What, name: Name = None) -> None:
     """List the 2D editors, masks, presets, looks or settings.
 
     gsedit list editors
@@ -58,9 +47,6 @@ def list_(what: What, name: Name = None, *, own: SheetOptions) -> None:
 
     gsedit list settings edit
     """
-    out = own.out
-    if out is not None and what != "looks":
-        raise UsageError(f"-o writes the picture of the looks: leave it out for {what}")
     nameless = {"editors": list_editors, "masks": list_masks, "presets": list_presets}
     if what in nameless:
         if name is not None:
@@ -68,11 +54,6 @@ def list_(what: What, name: Name = None, *, own: SheetOptions) -> None:
         nameless[what]()
     elif what == "settings":
         list_settings(name or "edit")
-    elif out is not None:
-        from gsedit.editors.small.look_sheet import write_sheet
-
-        write_sheet(out, own.force)
-        print_result({"sheet": out}, str(out))
     elif name is not None:
         explain_sentence(name)
     else:
@@ -94,11 +75,12 @@ def list_editors() -> None:
 
 def list_masks() -> None:
     """Print every mask provider, of gsedit and of other packages."""
-    from gsedit.editors.masks import list_masks
+    from gsedit.editors import list_masks
 
-    for name, summary in list_masks():
-        record = {"name": name, "summary": summary}
-        print_result(record, f"{name:<12} {summary}")
+    for each in list_masks():
+        record, origin = {**vars(each), "ready": each.ready}, f"from {each.source}"
+        text = each.summary if each.source == "gsedit" else origin
+        print_result(record, f"{each.name:<12} {text}")
     if not as_json.get():
         print_message(
             'use one: gsedit select ... --phrase "the chair" --masks NAME, or gsedit edit ... '
@@ -108,7 +90,7 @@ def list_masks() -> None:
 
 def list_presets() -> None:
     """Print the settings that each preset of `gsedit edit` sets."""
-    from gsedit.paper.presets import PRESETS
+    from gsedit.paper.settings import PRESETS
 
     for name, preset in PRESETS.items():
         values = preset_values(preset)
@@ -151,7 +133,7 @@ def list_looks() -> None:
     if not as_json.get():
         print_message(
             "ask in your own words, for one look of the subject, one of the scene, or both; test a "
-            'sentence: gsedit list looks "SENTENCE"; draw them: gsedit list looks -o looks.png\n'
+            'sentence: gsedit list looks "SENTENCE"\n'
             "--editor small draws all of these. By default they are done on the Gaussians, "
             f"{', '.join(sorted(UNCLEAR))} are refused, and small draws only what is asked for "
             "as impressionist: its watercolor, hardly seen"

@@ -37,8 +37,7 @@ from .render import render_settings
 if TYPE_CHECKING:
     from gsedit.datasets.viewpoints import Viewpoint
     from gsedit.formats.streams import SceneSource
-    from gsedit.surveying.points import SurfacePoint
-    from gsedit.surveying.sizes import Size
+    from gsedit.surveying.sizes import Size, SurfacePoint
     from gsedit.toolkit.differences import SceneDifference
     from rasterizer.scene import Gaussians
 
@@ -102,7 +101,7 @@ def show_summary(scene: Path, source: SceneSource, own: InfoOptions) -> None:
 
     (summary, sample), plot = summarise(source), own.plot
     if plot is not None:
-        from gsedit.pictures.histograms import plot_histograms
+        from gsedit.pictures.scene_table import plot_histograms
 
         plot_histograms(sample, scene.name, plot, overwrite=own.force)
     size = bytes_of(source.path)
@@ -126,9 +125,9 @@ def check_scene(scene: Path, source: SceneSource, checks: InfoOptions) -> None:
 
 def bytes_of(path: Path) -> int:
     """Return the size of a file, or of the folder of a SOG scene that it is the index of."""
-    from gsedit.formats.table import INDICES
+    from gsedit.formats.table import INDEX
 
-    files = path.parent.rglob("*") if path.name in INDICES else [path]
+    files = path.parent.rglob("*") if path.name == INDEX else [path]
     return sum(file.stat().st_size for file in files if file.is_file())
 
 
@@ -316,7 +315,7 @@ def point(text: str, gaussians: Gaussians, views: Sequence[Viewpoint]) -> Surfac
     import numpy as np
 
     from gsedit.select.finder import click_on
-    from gsedit.surveying.points import SurfacePoint, point_at
+    from gsedit.surveying.sizes import SurfacePoint, point_at
 
     if COORDINATES.fullmatch(text):
         return SurfacePoint(np.array([float(each) for each in text.split(",")]))
@@ -407,7 +406,7 @@ def mesh(
 
     Views are those of --data, those beside the scene, or found ones. Units are the scene's.
     """
-    from gsedit.meshing.files import SUFFIXES
+    from gsedit.meshing.triangles import SUFFIXES
 
     if own.out.suffix.lower() not in SUFFIXES:
         raise UsageError(f"-o {own.out}: name a mesh file: {', '.join(SUFFIXES)}")

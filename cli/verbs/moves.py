@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from gsedit.objects.bending.operation import Bend, Grip, Pixel, Triple
     from gsedit.select.rules import Selection
     from gsedit.toolkit.align import Align
-    from gsedit.toolkit.transform import Transform, TransformAboutCenter
+    from gsedit.toolkit.transform import Transform
 
 _PLACES = count()
 
@@ -89,17 +89,14 @@ class TransformOptions:
     "--translate", "--rotate", "--scale", "--mirror", "--up", "--copy",
     "--cameras", "--where", "--region", "--output", "--force", "--dry-run",
 )  # fmt: skip
-def transform(
-    *, steps: Steps, own: TransformOptions, selection: SelectionOptions
-) -> Transform | TransformAboutCenter:
+def transform(*, steps: Steps, own: TransformOptions, selection: SelectionOptions) -> Transform:
     """Move, turn, scale or mirror a scene or a part of it.
 
     gsedit transform scene.ply --up z,-y --scale 2 --translate 0,1,0 -o moved.ply
 
     Steps run in the order of the command line. Covariances and SH follow exactly.
     """
-    from gsedit.toolkit.steps import compose
-    from gsedit.toolkit.transform import transform_of
+    from gsedit.toolkit.transform import compose, transform_of
 
     given = steps.in_order()
     if not given and not own.center and not own.copy:

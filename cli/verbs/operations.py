@@ -14,7 +14,6 @@ from gsedit.errors import UsageError
 from ..chain import Target
 from ..core.command import argument, option, shows
 from ..core.console import print_message
-from ..core.levels import STREAMED, Levels
 from ..core.outputs import check_file
 from ..core.process import Output
 from ..options.cameras import ViewOptions, known_cameras
@@ -22,14 +21,13 @@ from ..options.common import FileOptions, scene_file
 from ..options.selection import SelectionOptions, need_selection
 
 if TYPE_CHECKING:
-    from gsedit.toolkit.clean import Clean
+    from gsedit.toolkit.clean import Clean, Repair
     from gsedit.toolkit.decimate import Decimate
+    from gsedit.toolkit.defects import Limits
     from gsedit.toolkit.filter import Filter
-    from gsedit.toolkit.find_defects import Limits
     from gsedit.toolkit.grade import Grade
     from gsedit.toolkit.merge import Merge
     from gsedit.toolkit.operation import Operation
-    from gsedit.toolkit.repair import Repair
     from rasterizer.camera import Camera
     from rasterizer.scene import Gaussians
 
@@ -80,7 +78,7 @@ def convert(target: Out = None, *, own: ConvertOptions) -> list[Any]:
 
         steps.append(ReduceSH(own.degree))
     if own.order is not None:
-        from gsedit.toolkit.order import Order
+        from gsedit.toolkit.decimate import Order
 
         steps.append(Order(own.order))
     return steps
@@ -139,7 +137,7 @@ class CleanOptions:
 
     def limits(self) -> Limits:
         """The thresholds of the laws that are asked. Raises UsageError."""
-        from gsedit.toolkit.find_defects import Limits
+        from gsedit.toolkit.defects import Limits
 
         return Limits(
             invisible=self.least_opacity if self.invisible else None,
@@ -179,7 +177,7 @@ def clean(*, options: CleanOptions, selection: SelectionOptions, output: Output)
 
 def repair_alone(options: CleanOptions, selection: SelectionOptions) -> Repair:
     """Return the repair of a scene. Raises UsageError for options that it does not have."""
-    from gsedit.toolkit.repair import Repair
+    from gsedit.toolkit.clean import Repair
 
     if options != CleanOptions(repair=True) or selection.given:
         raise UsageError(
@@ -206,29 +204,18 @@ class DecimateOptions:
 
     method: str = option("merge", "merge|importance|random")
     """merge: join neighbors. importance: keep the largest opacity times area. random: keep any."""
-    levels: int | None = option(None, "N", min=2, max=16)
-    """Write N levels of detail into the folder -o: the scene, then each level with AMOUNT (a share)
-    of the Gaussians of the one before."""
-    format: str = option("ply", "SUFFIX")
-    """Format of the levels, as ply or spz. streamed: all in one streamed SOG (lod-meta.json)."""
     measure: bool = option(True)
     """Measure how much pictures change, in dB."""
     cameras: Path | None = option(None, "CAMERAS.JSON")
     """Cameras to measure from. None: an orbit."""
 
 
-def decimate(amount: Amount, *, own: DecimateOptions) -> Decimate | Levels:
-    """Reduce the number of Gaussians, or write levels of detail.
+def decimate(amount: Amount, *, own: DecimateOptions) -> Decimate:
+    """Reduce the number of Gaussians.
 
     gsedit decimate scene.ply 50% -o half.ply
-
-    gsedit decimate scene.ply 50% --levels 4 -o folder
-
-    gsedit decimate scene.ply 50% --levels 4 --format streamed -o folder
     """
     kept = amount_of(amount)
-    if own.levels is not None:
-        return levels_of(own.levels, kept, own)
     from gsedit.toolkit.decimate import Decimate
 
     views = None
@@ -237,21 +224,6 @@ def decimate(amount: Amount, *, own: DecimateOptions) -> Decimate | Levels:
 
         views = [viewpoint.camera for viewpoint in read_cameras(own.cameras)]
     return Decimate(**kept, method=own.method, measure=own.measure, views=views)
-
-
-def levels_of(count: int, kept: dict[str, Any], own: DecimateOptions) -> Levels:
-    """Return the levels that are asked for. Raises UsageError for what levels do not have."""
-    from gsedit.formats.registry import writable_format
-
-    if own.method != "merge" or own.cameras is not None:
-        raise UsageError("--levels joins neighbors and measures from an orbit: leave out --method "
-                         "and --cameras")  # fmt: skip
-    if "share" not in kept:
-        raise UsageError("--levels needs a share as AMOUNT, as in gsedit decimate SCENE 50%")
-    suffix = own.format.lstrip(".")
-    if suffix != STREAMED:
-        writable_format(Path(f"level.{suffix}"))
-    return Levels(count, kept["share"], suffix, own.measure)
 
 
 def amount_of(text: str) -> dict[str, Any]:
@@ -342,7 +314,7 @@ def recolor(
 
     from gsedit.toolkit import palette as palettes
     from gsedit.toolkit.grade import Grade
-    from gsedit.toolkit.on_selection import OnOnePart
+    from gsedit.toolkit.operation import OnOnePart
     from gsedit.toolkit.recolor import Opacity, Recolor
 
     operations: list[Operation] = []

@@ -22,10 +22,39 @@ from gsedit.paper.guided import carry_change
 from gsedit.paper.session import Session, preview
 from gsedit.paper.unedited import UneditedRenders
 from gsedit.paper.view_plan import view_overlap
-from gsedit.paper.vote_region import vote_region
 from gsedit.runs.events import Event
-from gsedit.select.region import coverage
+from gsedit.select.lift import find_changed, lift
+from gsedit.select.region import Region, coverage, everything
 from rasterizer.camera import Camera
+from rasterizer.numerics import Execution
+from rasterizer.scene import Gaussians
+
+
+def vote_region(
+    scene: Gaussians,
+    cameras: Sequence[Camera],
+    edited: Mapping[int, Float[Tensor, "h w 3"]],
+    originals: Mapping[int, Float[Tensor, "h w 3"]],
+    execution: Execution,
+) -> Region:
+    """The region that the editor changed, voted over the edited views.
+
+    `cameras` are those of all views; `edited` and `originals` are pictures by index.
+    """
+    changes = [_change(image, originals[i]) for i, image in edited.items()]
+    lifted = lift(scene, [cameras[i] for i in edited], changes, execution)
+    inside = find_changed(scene, lifted)
+    if inside is None:
+        return Region(everything(scene).inside, "auto: the edit is of the whole scene")
+    return Region(inside, "auto: what the edit changes")
+
+
+def _change(
+    edited: Float[Tensor, "h w 3"], original: Float[Tensor, "h w 3"]
+) -> Float[Tensor, "h w"]:
+    """The root mean square over the channels of the difference."""
+    return torch.sqrt((edited - original).square().mean(-1))
+
 
 WEAK_MATCH_SHARE = 0.05
 """Mean share of matched cells below which a batch has little to agree on: worth a warning."""

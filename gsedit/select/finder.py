@@ -18,7 +18,7 @@ from torch import Tensor
 
 from gsedit.cameras.around import find_viewpoints
 from gsedit.datasets.viewpoints import Viewpoint, view_named
-from gsedit.errors import UsageError
+from gsedit.errors import Said, UsageError
 from gsedit.formats.flags import read_flags
 from gsedit.scene.merging.groups import MergedScene
 from gsedit.scene.table import table_of
@@ -252,7 +252,5 @@ def _empty(text: str, scene: Gaussians) -> UsageError:
         ", ".join(f"{x:.4g}" for x in corner.tolist())
         for corner in (scene.means.amin(0), scene.means.amax(0))
     )
-    return UsageError(
-        f"region {text} holds no Gaussian of the scene, whose centers are from ({low}) to "
-        f"({high}): look at it with gsedit render SCENE --region ..."
-    )
+    what = f"region {text} holds no Gaussian of the scene, whose centers are from"
+    return UsageError(Said(f"{what} ({low}) to ({high})", "look-region"))

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Bool
 from torch import Tensor
 
-from gsedit.errors import UsageError
+from gsedit.errors import Said, UsageError
 from gsedit.select.looks import APART, names, of_color, white_of
 from gsedit.select.provider import MaskProvider
 from gsedit.select.query import THINGS, Key, Query, Relation, read_phrase
@@ -139,10 +139,8 @@ class _Finder:
         if query.bare and not query.plural and not query.place:
             return self._main(query)
         if query.bare and query.unknown:
-            raise self._refusal(
-                f"which things are {' '.join(query.unknown)} cannot be known without a network "
-                "(--masks)"
-            )
+            what = f"which things are {' '.join(query.unknown)} cannot be known without a network"
+            raise self._refusal(what, move="objects-masks")
         return self._left_out(self._narrowed(query, rows), query)
 
     def _everything(self, query: Query) -> list[Segment]:
@@ -314,8 +312,10 @@ class _Finder:
             flags = None if self.subject is None else self.subject()
             chosen = None if flags is None else self._covered(rows, flags)
         if chosen is None:
-            why = f"what a {noun} is cannot be known without a network (--masks)" if noun else ""
-            raise self._refusal(why or "several things are there", rows)
+            if not noun:
+                raise self._refusal("several things are there", rows)
+            what = f"what a {noun} is cannot be known without a network"
+            raise self._refusal(what, rows, "objects-masks")
         if noun:
             self._note(f"'{noun}' was taken for the main subject")
         return self._left_out([chosen], query)
@@ -339,13 +339,17 @@ class _Finder:
     def _seen_from(self) -> None:
         self._note(f"left, right, front and back as view {self.segments.view + 1} sees them")
 
-    def _refusal(self, why: str, among: Sequence[Segment] = ()) -> UsageError:
+    def _refusal(
+        self, why: str, among: Sequence[Segment] = (), move: str = "objects"
+    ) -> UsageError:
         """The error for a phrase, with what there is."""
         rows = list(among) or [row for row in self.segments.rows if row.kind != "background"]
         return UsageError(
-            f"'{self.phrase}': {why}; {'these are' if among else 'there is'} "
-            f"{self.told([row.number for row in rows])}. {SAYABLE[0].upper()}{SAYABLE[1:]}; see "
-            "them with gsedit select SCENE --objects"
+            Said(
+                f"'{self.phrase}': {why}; {'these are' if among else 'there is'} "
+                f"{self.told([row.number for row in rows])}. {SAYABLE[0].upper()}{SAYABLE[1:]}",
+                move,
+            )
         )
 
 

@@ -14,8 +14,7 @@ import torch
 from jaxtyping import Bool, Float64, Int
 from torch import Tensor
 
-from gsedit.scene.neighbors import k_nearest
-from gsedit.scene.quantiles import extent_of
+from gsedit.scene.neighbors import extent_of, k_nearest
 from gsedit.select.pieces import split_touching
 from gsedit.select.stacks import Stacks, find_stacks
 from gsedit.select.surfaces import Surfaces, look

@@ -13,8 +13,7 @@ from gsedit.scene.table import SplatTable, table_of
 from gsedit.select.questions import questions
 from gsedit.select.rules import Selection
 from gsedit.select.where import where
-from gsedit.toolkit.on_selection import OnSelection
-from gsedit.toolkit.operation import Say, Scene, apply
+from gsedit.toolkit.operation import OnSelection, Say, Scene, apply
 
 if TYPE_CHECKING:
     from gsedit.select.finder import Finder

@@ -27,7 +27,7 @@ from typer.testing import CliRunner
 from gsedit import EditSettings
 from gsedit.errors import UsageError
 from gsedit.paper import strategies
-from gsedit.paper.presets import find_preset
+from gsedit.paper.settings import find_preset
 from gsedit.paper.strategies.single_pass import SinglePass
 
 Mode = Literal["soft", "hard-edged"]
