@@ -14,7 +14,7 @@ from typer.core import TyperGroup
 from typer.main import get_command
 
 from .chain import THEN, OperationCommand
-from .core.command import SET, LazyCommand, paragraphs
+from .core.command import SET, LazyCommand, paragraphs, verb_name
 from .core.console import as_json, print_json, print_message
 from .core.exits import FAILED, OK, USAGE, Interrupted, explain, one_line
 from .core.ranks import cause, end, leave, meet
@@ -36,23 +36,18 @@ from .verbs.select import select
 from .verbs.style import style
 from .verbs.view import view
 
-EDITING = (app_verb, edit, make, style)
-CAPTURING = (capture, fit)
 SENTENCES = ("edit", "make")
 """Verbs that take a sentence, which a shell splits where it is not in quotes."""
-LOOKING = (info, select, view, render, mesh, measure, diff, metrics)
-CHANGING = (
-    convert, filter_, clean, decimate, merge, transform, bend, align, recolor,
-)  # fmt: skip
-"""Verbs that change a scene, and can follow each other in one command."""
-
-
-def in_panel(command: LazyCommand, panel: str) -> LazyCommand:
-    """Put a verb under a heading of `gsedit --help`."""
-    command.rich_help_panel = panel
-    return command
-
-
+CHANGING = f"Change a scene (chain verbs with the word {THEN})"
+"""Heading of the verbs that can follow each other in one command."""
+PANELS = {
+    "Edit from a sentence or a picture": (app_verb, edit, make, style),
+    "Make a scene from photos": (capture, fit),
+    "Look and measure": (info, select, view, render, mesh, measure, diff, metrics),
+    CHANGING: (convert, filter_, clean, decimate, merge, transform, bend, align, recolor),
+    "Help": (list_, doctor, mcp, bench_),
+}
+"""The verbs under their headings in `gsedit --help`."""
 COMPLETION = "_GSEDIT_COMPLETE"
 """Variable by which a shell asks for completions (docs/howto/install.md)."""
 
@@ -62,31 +57,19 @@ class Verbs(TyperGroup):
 
     def __init__(self, **attributes: Any) -> None:
         super().__init__(**attributes)
-        panels = {
-            "Edit from a sentence or a picture": map(LazyCommand, EDITING),
-            "Make a scene from photos": map(LazyCommand, CAPTURING),
-            "Look and measure": map(LazyCommand, LOOKING),
-            f"Change a scene (chain verbs with the word {THEN})": map(OperationCommand, CHANGING),
-            "Help": (
-                LazyCommand(list_),
-                LazyCommand(doctor),
-                LazyCommand(mcp),
-                LazyCommand(bench_, lambda: get_command(bench)),
-            ),
-        }
-        for panel, commands in panels.items():
-            for command in commands:
-                self.add_command(in_panel(command, panel))
+        for panel, bodies in PANELS.items():
+            for body in bodies:
+                kind = OperationCommand if panel == CHANGING else LazyCommand
+                self.add_command(kind(body))
+        self.commands["bench"].make = lambda: get_command(bench)  # verbs of its own
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write the verbs, a line each, by panel."""
-        panels: dict[str, list[tuple[str, str]]] = {}
-        for name, command in self.commands.items():
-            panel = command.rich_help_panel  # pyright: ignore[reportAttributeAccessIssue]
-            panels.setdefault(panel, []).append((name, command.help or ""))
-        for panel, verbs in panels.items():
+        for panel, bodies in PANELS.items():
+            commands = [self.commands[verb_name(body)] for body in bodies]
             with formatter.section(panel):
-                formatter.write_dl(verbs, col_max=12)
+                rows = [(str(each.name), each.help or "") for each in commands]
+                formatter.write_dl(rows, col_max=12)
 
     def main(self, args: Any = None, *rest: Any, **options: Any) -> Any:
         arguments = sys.argv[1:] if args is None else list(args)

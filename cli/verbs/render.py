@@ -421,27 +421,25 @@ def write(
     written."""
     from gsedit.pictures.animations import write_gif, write_mp4
 
-    count, out, force = len(animation), own.out, own.force
+    count, out = len(animation), own.out
     with counting("render") as tell:
-        if own.kind == "folder":
+        if own.kind != "animation":
             for index, name in enumerate(names):
-                for path in write_files(animation, index, out / name, pictures, force):
+                for path in write_view(animation, index, name, own, pictures):
                     print_result({"picture": path}, str(path))
                 tell(index + 1, count)
-            print_message(f"{count} views are in {out}")
-        elif own.kind == "still":
-            write_one(animation, out, pictures, force)
-            print_result({"picture": out}, str(out))
+            if own.kind == "folder":
+                print_message(f"{count} views are in {out}")
+            return
+        frames = tracked(animation, tell)
+        if out.suffix.lower() == ".gif":
+            write_gif(frames, out, fps, overwrite=own.force)
         else:
-            frames = tracked(animation, tell)
-            if out.suffix.lower() == ".gif":
-                write_gif(frames, out, fps, overwrite=force)
-            else:
-                crf = CRF if pictures.crf is None else pictures.crf
-                write_mp4(frames, out, fps, crf=crf, overwrite=force)
-            record = {"animation": out, "frames": count, "fps": fps, "bytes": out.stat().st_size}
-            print_result(record, str(out))
-            print_message(f"{count} frames, {count / fps:.1f} s, {out.stat().st_size / 1e6:.1f} MB")
+            crf = CRF if pictures.crf is None else pictures.crf
+            write_mp4(frames, out, fps, crf=crf, overwrite=own.force)
+        record = {"animation": out, "frames": count, "fps": fps, "bytes": out.stat().st_size}
+        print_result(record, str(out))
+        print_message(f"{count} frames, {count / fps:.1f} s, {out.stat().st_size / 1e6:.1f} MB")
 
 
 def tracked(animation: Animation, tell: Callable[[int, int], None]) -> Iterator[np.ndarray]:
@@ -451,44 +449,27 @@ def tracked(animation: Animation, tell: Callable[[int, int], None]) -> Iterator[
         tell(step, len(animation))
 
 
-def write_files(
-    animation: Animation, index: int, stem: Path, pictures: PictureOptions, force: bool
+def write_view(
+    animation: Animation, index: int, name: str, own: RenderOptions, pictures: PictureOptions
 ) -> list[Path]:
-    """Write the files of one view into a folder; their paths."""
-    from gsedit.pictures.rendered_views import save_frame, write_view
-
-    if animation.wiped is not None:
-        path = stem.with_name(f"{stem.name}.png")
-        save_frame(animation.frame(index), path, overwrite=force)
-        return [path]
-    return write_view(
-        animation.scene,
-        animation.cameras[index],
-        stem,
-        show=animation.show,
-        format=pictures.format,
-        background=animation.background,
-        transparent=pictures.transparent,
-        numerics=animation.numerics[0],
-        execution=animation.execution,
-        overwrite=force,
-    )
-
-
-def write_one(animation: Animation, out: Path, pictures: PictureOptions, force: bool) -> None:
-    """Write the first view into one file."""
+    """Write the files of one view into a folder, or its one file; return their paths."""
+    from gsedit.pictures import rendered_views as views
     from gsedit.pictures.maps import render_maps
-    from gsedit.pictures.rendered_views import save_frame, write_still
 
+    one = own.kind == "still"
+    stem, overwrite = own.out if one else own.out / name, own.force
     if animation.wiped is not None:
-        save_frame(animation.frame(0), out, overwrite=force)
-        return
-    maps = render_maps(
-        animation.scene,
-        animation.cameras[0],
-        animation.show,
-        background=animation.background,
-        numerics=animation.numerics[0],
-        execution=animation.execution,
-    )
-    write_still(maps, animation.show, out, transparent=pictures.transparent, overwrite=force)
+        path = stem if one else stem.with_name(f"{name}.png")
+        views.save_frame(animation.frame(index), path, overwrite=overwrite)
+        return [path]
+    how = {
+        "background": animation.background, "numerics": animation.numerics[0],
+        "execution": animation.execution,
+    }  # fmt: skip
+    clear, camera = pictures.transparent, animation.cameras[index]
+    if one:
+        maps = render_maps(animation.scene, camera, animation.show, **how)
+        views.write_still(maps, animation.show, stem, transparent=clear, overwrite=overwrite)
+        return [stem]
+    files = {"show": animation.show, "format": pictures.format, "transparent": clear}
+    return views.write_view(animation.scene, camera, stem, **files, **how, overwrite=overwrite)
