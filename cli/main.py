@@ -59,9 +59,10 @@ class Verbs(TyperGroup):
         super().__init__(**attributes)
         for panel, bodies in PANELS.items():
             for body in bodies:
-                kind = OperationCommand if panel == CHANGING else LazyCommand
-                self.add_command(kind(body))
-        self.commands["bench"].make = lambda: get_command(bench)  # verbs of its own
+                command = OperationCommand(body) if panel == CHANGING else LazyCommand(body)
+                if body is bench_:  # a group
+                    command.make = lambda: get_command(bench)
+                self.add_command(command)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write the verbs, a line each, by panel."""

@@ -12,7 +12,7 @@ import ast
 import inspect
 import os
 import re
-import textwrap
+import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass, replace
 from difflib import get_close_matches
@@ -235,15 +235,22 @@ def meaning_and_default(doc: str, default: Any) -> tuple[str, str]:
 
 
 @lru_cache
+def classes_of(module: str) -> dict[str, ast.ClassDef]:
+    """Return the classes that a module defines, by name; none without source code."""
+    try:
+        tree = ast.parse(inspect.getsource(sys.modules[module]))
+    except (OSError, TypeError):
+        return {}
+    return {node.name: node for node in ast.walk(tree) if isinstance(node, ast.ClassDef)}
+
+
+@lru_cache
 def field_docs(record: type) -> dict[str, str]:
     """Return the docstring under each field of a dataclass and its bases; none without source."""
     docs: dict[str, str] = {}
     for base in reversed(record.__mro__[:-1]):
-        try:
-            (definition,) = ast.parse(textwrap.dedent(inspect.getsource(base))).body
-        except (OSError, TypeError):
-            continue
-        body = definition.body if isinstance(definition, ast.ClassDef) else []
+        definition = classes_of(base.__module__).get(base.__name__)
+        body = [] if definition is None else definition.body
         for statement, after in pairwise(body):
             match statement, after:
                 case (
@@ -292,6 +299,14 @@ def parameters_of(body: Body) -> list[inspect.Parameter]:
     return [each.replace(annotation=eval(each.annotation, body.__globals__)) for each in own]
 
 
+def members_of(kind: Any) -> list[Setting]:
+    """Return the options that a parameter of this type stands for; none for a single option."""
+    if is_dataclass(kind):
+        return list(settings_of(kind))
+    found = [item for item in get_args(kind) if isinstance(item, Settings)]
+    return list(found[0].settings()) if found else []
+
+
 def as_command(body: Body, parameters: Iterable[inspect.Parameter], run: Body) -> Body:
     """Make the function that typer reads of a verb: a parameter that is a record, or annotated as
     `Settings`, becomes single options, and those of every verb are added. `run` takes the
@@ -302,11 +317,8 @@ def as_command(body: Body, parameters: Iterable[inspect.Parameter], run: Body) -
     options: list[inspect.Parameter] = []
     groups: dict[str, tuple[Callable[..., Any], list[Setting]]] = {}
     for parameter in parameters:
-        kind = parameter.annotation
-        found = [item for item in get_args(kind) if isinstance(item, Settings)]
-        if found or is_dataclass(kind):
-            members = list(found[0].settings() if found else settings_of(kind))
-            groups[parameter.name] = (dict if found else cast(type, kind)), members
+        if members := members_of(kind := parameter.annotation):
+            groups[parameter.name] = cast(type, kind) if is_dataclass(kind) else dict, members
             options += [member.parameter() for member in members]
         else:
             options.append(parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY))
@@ -432,6 +444,19 @@ class LazyCommand(TyperCommand):
         self.body = body
         self.make = make or (lambda: verb_command(body))
         """Returns the whole command."""
+
+    @property
+    def parameters(self) -> list[inspect.Parameter]:
+        """Return the parameters of the verb, groups of options among them."""
+        return parameters_of(self.body)
+
+    def settings(self) -> Iterator[Setting]:
+        """Yield the verb's settings, and its other options that have no flag."""
+        for parameter in self.parameters:
+            is_own = is_dataclass(parameter.annotation)
+            for each in members_of(parameter.annotation):
+                if not (is_own and each.flags):
+                    yield each
 
     def make_context(self, *args: Any, **options: Any) -> Any:
         """Return the context of the whole command, which then replaces this one."""

@@ -20,7 +20,7 @@ from ..core.command import (
     settings_of,
     shows,
     with_values,
-)  # fmt: skip
+)
 from ..core.console import as_json, print_message, print_result
 from ..core.exits import Interrupted
 from ..core.outputs import check_folder

@@ -6,6 +6,8 @@ import json
 from functools import reduce
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
+import typer
+
 from gsedit.errors import UsageError
 
 from ..core.command import argument, settings_of
@@ -34,7 +36,7 @@ Name = Annotated[
 ]
 
 
-def list_(what: What, name: Name = None) -> None:
+def list_(ctx: typer.Context, what: What, name: Name = None) -> None:
     """List the 2D editors, masks, presets, looks or settings.
 
     gsedit list editors
@@ -53,7 +55,7 @@ def list_(what: What, name: Name = None) -> None:
             raise UsageError(f"{name}: list {what} takes no name")
         nameless[what]()
     elif what == "settings":
-        list_settings(name or "edit")
+        list_settings(ctx.find_root().command, name or "edit")
     elif name is not None:
         explain_sentence(name)
     else:
@@ -154,24 +156,12 @@ def explain_sentence(sentence: str) -> None:
     print_result(json.loads(read.as_json()), text)
 
 
-def list_settings(verb: str) -> None:
+def list_settings(program: Any, verb: str) -> None:
     """Print the name, the default and the meaning of every setting of a verb."""
-    from ..options.editing import edit_settings
-    from .capture import capture_settings
-    from .fit import fit_settings
-    from .operations import CleanOptions
-    from .render import PathOptions, PictureOptions, render_settings
-    from .style import style_settings
-
-    known = {
-        "edit": edit_settings, "fit": fit_settings, "style": style_settings,
-        "capture": capture_settings, "clean": lambda: settings_of(CleanOptions),
-        "render": lambda: [*settings_of(PathOptions), *settings_of(PictureOptions),
-                           *render_settings()],
-    }  # fmt: skip
-    if verb not in known:
-        raise UsageError(f"{verb} has no settings: name one of {', '.join(known)}")
-    for setting in known[verb]():
+    settings = list(program.commands[verb].settings()) if verb in program.commands else []
+    if not settings:
+        raise UsageError(f"{verb} has no settings: name a verb, as edit, fit or clean")
+    for setting in settings:
         name, default = ".".join(setting.path), setting.default
         record = {
             "name": name, "flag": next(iter(setting.flags), None), "default": default,

@@ -19,7 +19,7 @@ from ..options.selection import (
     SelectionOptions,
     finder_in,
     need_selection,
-)  # fmt: skip
+)
 
 if TYPE_CHECKING:
     import numpy as np
@@ -65,7 +65,7 @@ def select(
 
     gsedit select scene.ply --where "sphere(0,-0.5,0, 0.35)" -o region.npy
 
-    gsedit select bear.ply --where "subject('turn it into bronze')" --data photos/ -o bear.npy
+    gsedit select bear.ply --where "subject()" --data photos/ -o bear.npy
 
     gsedit select bear.ply --at frame_00001.jpg:120,120 --as bear
 

@@ -17,7 +17,7 @@ from ..core.command import (
     settings_of,
     shows,
     with_values,
-)  # fmt: skip
+)
 from ..core.console import print_message, print_result
 from ..core.kernel import UPDATES, say_kernel
 from ..core.outputs import check_scene_file
@@ -31,7 +31,7 @@ from ..options.common import (
     Writes,
     load_features,
     load_file,
-)  # fmt: skip
+)
 from ..options.selection import WhereOptions, parse_where
 
 if TYPE_CHECKING:
