@@ -312,7 +312,8 @@ def as_command(body: Body, parameters: Iterable[inspect.Parameter], run: Body) -
     `Settings`, becomes single options, and those of every verb are added. `run` takes the
     parameters."""
     parameters, own = list(parameters), "common_"
-    if not any(is_common(each.annotation) for each in parameters):
+    kinds = [each.annotation for each in parameters if isinstance(each.annotation, type)]
+    if not any(issubclass(kind, Common) for kind in kinds):
         parameters.append(keyword(own, Common))
     options: list[inspect.Parameter] = []
     groups: dict[str, tuple[Callable[..., Any], list[Setting]]] = {}
@@ -331,11 +332,12 @@ def as_command(body: Body, parameters: Iterable[inspect.Parameter], run: Body) -
         for name, (make, members) in groups.items():
             given = {each.path: values.pop(each.name) for each in members}
             given = {path: value for path, value in given.items() if value is not None}
-            gathered[name] = (
-                given if make is dict else make(**{path[0]: v for path, v in given.items()})
-            )
-            if is_common(type(gathered[name])):
-                gathered[name].apply()
+            if make is dict:
+                gathered[name] = given
+                continue
+            gathered[name] = made = make(**{path[0]: value for path, value in given.items()})
+            if isinstance(made, Common):
+                made.apply()
         gathered.pop(own, None)
         return run(**values, **gathered)
 
@@ -343,10 +345,6 @@ def as_command(body: Body, parameters: Iterable[inspect.Parameter], run: Body) -
     command.__signature__ = inspect.Signature(options)  # pyright: ignore[reportFunctionMemberAccess]
     command.__annotations__ = {option.name: option.annotation for option in options}
     return command
-
-
-def is_common(kind: Any) -> bool:
-    return isinstance(kind, type) and issubclass(kind, Common)
 
 
 def paragraphs(body: Body) -> str:
