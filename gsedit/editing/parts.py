@@ -32,7 +32,7 @@ ALL = ("scene", "shown")
 
 @dataclass(frozen=True, eq=False)
 class Parts:
-    """What changes are about, by `key_of` and by phrase, in a scene between two changes."""
+    """Parts that changes are about, by `key_of` and by phrase, in a scene between two changes."""
 
     found: Mapping[str, Region]
     """As they were found in the scene before all changes; a drawn one that only its pictures will

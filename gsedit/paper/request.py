@@ -79,7 +79,7 @@ class Method:
 
     editor: Editor
     strategy: Any
-    """See gsedit.paper.actions.Strategy."""
+    """The order of edited views and fits, see gsedit.paper.actions.Strategy."""
     generator: torch.Generator
     features: FeatureExtractor | None = None
     """Features that the Gram loss compares; None: a bank of oriented filters."""
