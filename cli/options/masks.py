@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from jaxtyping import Float
     from torch import Tensor
 
-    from gsedit.select.provider import MaskProvider
+    from gsedit.select.masked import MaskProvider
 
 
 @dataclass(frozen=True)

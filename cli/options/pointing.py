@@ -17,7 +17,7 @@ from .settings import Values
 if TYPE_CHECKING:
     from gsedit.datasets.viewpoints import Viewpoint
     from gsedit.select.finder import Finder
-    from gsedit.select.provider import MaskProvider
+    from gsedit.select.masked import MaskProvider
     from gsedit.select.region import Region
     from rasterizer.scene import Gaussians
 

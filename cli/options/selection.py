@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -101,8 +102,7 @@ def view_functions(data: Path | None) -> dict[str, Callable[..., Selection]]:
     printed. Without an argument `cameras`, `seen` and `middle` need one of the two.
     """
     from gsedit.select.questions import questions
-    from gsedit.select.rules import Flags
-    from gsedit.select.seen import LEAST_PIXELS, InTheMiddle, Seen
+    from gsedit.select.rules import LEAST_PIXELS, flags, in_the_middle, seen_in, views_of
 
     scene = current_scene.get()
 
@@ -110,15 +110,13 @@ def view_functions(data: Path | None) -> dict[str, Callable[..., Selection]]:
         return Path(given) if given else recorded_cameras(f"{name}()", data)
 
     def seen(cameras: str = "", pixels: float = LEAST_PIXELS) -> Selection:
-        return Seen(cameras_of(cameras, "seen"), pixels=pixels, scene=scene)
+        return seen_in(partial(views_of, cameras_of(cameras, "seen"), scene), pixels)
 
     def middle(within: float = 0.5, cameras: str = "") -> Selection:
-        return InTheMiddle(cameras_of(cameras, "middle"), within=within, scene=scene)
-
-    def flags(path: str) -> Selection:
-        return Flags(Path(path).expanduser())  # of rows as the file has them, without a look
+        return in_the_middle(partial(views_of, cameras_of(cameras, "middle"), scene), within)
 
     asked = questions(finder_in(data), lambda found: print_message(f"region: {found}"))
+    # flags: of rows as the file has them, without a look
     return {**asked, "seen": seen, "middle": middle, "flags": flags}
 
 

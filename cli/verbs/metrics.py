@@ -251,16 +251,16 @@ def gather(
 
 def drawn_masks(folder: Path | None, views: ViewList) -> dict[int, Tensor]:
     """The masks in a folder, by the index of the view. Raises InputError as `read_masks` does."""
-    from gsedit.select.drawn import read_masks
+    from gsedit.select.masked import read_masks
 
     return {} if folder is None else read_masks(folder, views.viewpoints)
 
 
 def known(region: str) -> str:
     """Return a region to measure with. Raises UsageError for one that has to be looked for."""
-    from gsedit.select.questions import Asked, check_region
+    from gsedit.select.questions import check_region
 
-    if isinstance(check_region(region), Asked) and not region.lower().endswith(".npy"):
+    if check_region(region).question is not None and not region.lower().endswith(".npy"):
         raise UsageError(
             f"region {region} has to be looked for, and a region to measure with must be known: "
             "give the region.npy that gsedit edit wrote, a box or a sphere"

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from gsedit.datasets.viewpoints import Viewpoint
     from gsedit.formats.streams import SceneSource
     from gsedit.select.finder import Finder
-    from gsedit.select.provider import MaskProvider
+    from gsedit.select.masked import MaskProvider
     from gsedit.select.region import Region
     from gsedit.select.rules import Selection
     from rasterizer.scene import Gaussians
@@ -185,7 +185,7 @@ def list_objects(
     """Print the segments of a scene, a line each, and draw them."""
     from gsedit.formats.pictures import save_picture
     from gsedit.pictures.segment_sheet import segment_sheet
-    from gsedit.select.looks import names
+    from gsedit.select.phrase import names
 
     segments = finder.segments
     told = names(segments)

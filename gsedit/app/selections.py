@@ -11,9 +11,9 @@ from torch import Tensor
 from gsedit.errors import UsageError
 from gsedit.scene.table import table_of
 from gsedit.select.click import SMALLEST, Click, Selector, at_one_place
-from gsedit.select.clusters import Grown, Shrunk
+from gsedit.select.clusters import grow, shrink
 from gsedit.select.region import Region
-from gsedit.select.rules import Given
+from gsedit.select.rules import given
 from rasterizer.scene import Gaussians
 
 BRIM = 0.01
@@ -48,6 +48,6 @@ class Clicks:
 
 def grown(scene: Gaussians, flags: Bool[Tensor, " n"], radius: float) -> Bool[Tensor, " n"]:
     """The selection and all within a radius of it, world units; shrunk by a negative one."""
-    given = Given(flags.numpy())
-    selection = Grown(given, radius) if radius > 0 else Shrunk(given, -radius)
+    inside = given(flags.numpy())
+    selection = grow(inside, radius) if radius > 0 else shrink(inside, -radius)
     return torch.from_numpy(selection.mask(table_of(scene)))

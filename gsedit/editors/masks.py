@@ -21,8 +21,7 @@ from torch import Tensor
 from gsedit.editors.command.exchange import new_exchange, remove_exchange, run_in
 from gsedit.editors.command.program import check_program, fill_fields, split_command
 from gsedit.errors import GseditError, UsageError
-from gsedit.select.drawn import read_mask
-from gsedit.select.provider import MaskProvider
+from gsedit.select.masked import MaskProvider, read_mask
 
 GROUP = "gsedit.masks"
 Factory = Callable[..., MaskProvider]

@@ -8,8 +8,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.select.lift import find_changed, lift
-from gsedit.select.region import Region, everything
+from gsedit.select.region import Region, everything, find_changed, lift
 from rasterizer.camera import Camera
 from rasterizer.numerics import Execution
 from rasterizer.scene import Gaussians

@@ -20,11 +20,10 @@ from gsedit.errors import UsageError
 from gsedit.scene.quantiles import extent_of, weighted_quantile
 from gsedit.select.graph import Neighbors, smooth
 from gsedit.select.layers import level_patches
-from gsedit.select.lift import cut_out
-from gsedit.select.parts import followed, parts
-from gsedit.select.pieces import pieces
-from gsedit.select.region import Region
+from gsedit.select.parts import parts
+from gsedit.select.region import Region, cut_out
 from gsedit.select.segment import Segments, segment_surfaces
+from gsedit.select.stacks import pieces
 from gsedit.select.surfaces import VIEW_PIXELS, VIEWS, Surfaces, look, looking_at
 from rasterizer.camera import Camera
 from rasterizer.color_weights import color_weights
@@ -254,10 +253,12 @@ class Selector:
         if click.inside:
             label = int(self._by_label(weights * ~inside).argmax())
             return self._labels == label if self._is_thing(label) else None
-        piece = pieces(self._surfaces, inside & self._surfaces.solid)
-        number = _piece_of(piece, weights)
-        solid = self._surfaces.solid
-        return None if number < 0 else followed(self._surfaces, inside, solid, piece == number)
+        solid = inside & self._surfaces.solid
+        piece = pieces(self._surfaces, solid)
+        held = np.bincount(piece[solid], weights=weights[solid], minlength=1)
+        if not held.any():
+            return None
+        return self._surfaces.spread(piece == held.argmax(), solid, inside & ~solid)
 
     def _reach(
         self, inside: Bool[np.ndarray, " n"], click: Click, middle: Float64[np.ndarray, "3"]
@@ -365,13 +366,6 @@ def at_one_place(click: Click, first: Click) -> bool:
         return False
     near = np.hypot(click.x - first.x, click.y - first.y) <= SAME_PLACE * one.width
     return bool(near and torch.equal(one.world_to_camera, other.world_to_camera))
-
-
-def _piece_of(piece: Int[np.ndarray, " n"], weights: Float64[np.ndarray, " n"]) -> int:
-    """The piece that gives most of a pixel; -1 where none does."""
-    held = piece >= 0
-    total = np.bincount(piece[held], weights=weights[held], minlength=1)
-    return int(total.argmax()) if total.any() else -1
 
 
 def _told(clicks: Sequence[Click]) -> str:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import replace
 from itertools import product
-from typing import ClassVar
 
 import numpy as np
 
@@ -12,8 +12,7 @@ from gsedit.errors import UsageError
 from gsedit.scene.neighbors import k_nearest, linked
 from gsedit.scene.shapes import Bool, Float32, Float64, Int
 from gsedit.scene.table import SplatTable
-from gsedit.select.rules import EVERYTHING, Selection, WholeSelection
-from gsedit.select.volumes import Vector, check_finite, check_positive
+from gsedit.select.rules import EVERYTHING, Flags, Selection, check_finite, check_positive
 
 TYPICAL = 8.0
 """A gap, in median distances of a Gaussian to its nearest one, where none is given."""
@@ -25,42 +24,48 @@ SHELLS = [[d for d in _OFFSETS if sum(map(abs, d)) == distance] for distance in 
 than `gap`."""
 
 
-@dataclass(frozen=True)
-class Clusters(WholeSelection):
-    """The `count` largest clusters among what `of` selects; with `at`, the one that has the center
-    nearest to that point."""
+def cluster(n: int = 1, gap: float | None = None, of: Selection = EVERYTHING) -> Selection:
+    """The n largest clusters: of centers linked by gaps of at most `gap`, among `of`."""
+    if n < 1:
+        raise UsageError(f"cluster: {n} clusters: give 1 or more")
+    return _clusters(
+        lambda points, labels: np.argsort(-np.bincount(labels), kind="stable")[:n], gap, of
+    )
 
-    count: int = 1
-    gap: float | None = None
-    """Largest distance between linked centers, scene units; None: `TYPICAL`."""
-    of: Selection = EVERYTHING
-    at: Vector | None = None
 
-    def __post_init__(self) -> None:
-        if self.count < 1:
-            raise UsageError(f"cluster: {self.count} clusters: give 1 or more")
-        if self.gap is not None:
-            check_positive("cluster", "gap", self.gap)
-        check_finite("cluster", *(self.at or ()))
+def cluster_at(
+    x: float, y: float, z: float, gap: float | None = None, of: Selection = EVERYTHING
+) -> Selection:
+    """The cluster of the center nearest to x,y,z."""
+    check_finite("cluster", x, y, z)
+    return _clusters(
+        lambda points, labels: labels[[np.linalg.norm(points - (x, y, z), axis=1).argmin()]],
+        gap, of,
+    )  # fmt: skip
 
-    @property
-    def view_dependent(self) -> bool:
-        return self.of.view_dependent
 
-    def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
-        rows = np.flatnonzero(self.of.mask(table) & np.isfinite(table.means).all(1))
+def _clusters(
+    choose: Callable[[np.ndarray, np.ndarray], np.ndarray], gap: float | None, of: Selection
+) -> Selection:
+    """The clusters among what `of` selects whose numbers are chosen, from points and labels."""
+    if gap is not None:
+        check_positive("cluster", "gap", gap)
+
+    def change(among: Flags, table: SplatTable) -> Flags:
+        rows = np.flatnonzero(among & np.isfinite(table.means).all(1))
         inside = np.zeros(len(table), bool)
-        if not len(rows):
-            return inside
-        points = table.means[rows].astype(np.float64)
-        gap = typical_gap(points) if self.gap is None else self.gap
-        labels = cluster_labels(points, gap)
-        if self.at is None:
-            chosen = np.argsort(-np.bincount(labels), kind="stable")[: self.count]
-        else:
-            chosen = labels[[np.linalg.norm(points - self.at, axis=1).argmin()]]
-        inside[rows[np.isin(labels, chosen)]] = True
+        if len(rows):
+            points = table.means[rows].astype(np.float64)
+            labels = cluster_labels(points, typical_gap(points) if gap is None else gap)
+            inside[rows[np.isin(labels, choose(points, labels))]] = True
         return inside
+
+    return _of_whole(of, change)
+
+
+def _of_whole(inner: Selection, change: Callable[[Flags, SplatTable], Flags]) -> Selection:
+    """A selection of the mask of another, that needs all rows at once."""
+    return replace(inner, mask=lambda table: change(inner.mask(table), table), whole=True)
 
 
 def typical_gap(points: Float64[np.ndarray, "n 3"]) -> float:
@@ -159,43 +164,18 @@ def _joined(labels: Int[np.ndarray, " c"], pairs: Int[np.ndarray, "p 2"]) -> Int
     return linked(labels[pairs], int(labels.max()) + 1)[labels]
 
 
-@dataclass(frozen=True)
-class AtDistance(WholeSelection):
-    """A selection by distance from what `inner` selects."""
-
-    verb: ClassVar[str]
-    """Verb that messages use for this selection."""
-    inner: Selection
-    radius: float
-
-    def __post_init__(self) -> None:
-        check_positive(self.verb, "radius", self.radius)
-
-    @property
-    def view_dependent(self) -> bool:
-        return self.inner.view_dependent
+def grow(selection: Selection, radius: float) -> Selection:
+    """A selection, and what is at most `radius` from it."""
+    check_positive("grow", "radius", radius)
+    return _of_whole(selection, lambda inside, table: inside | _within(table.means, inside, radius))
 
 
-@dataclass(frozen=True)
-class Grown(AtDistance):
-    """Select `inner` and everything at most `radius` away from it."""
-
-    verb: ClassVar[str] = "grow"
-
-    def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
-        inside = self.inner.mask(table)
-        return inside | _within(table.means, inside, self.radius)
-
-
-@dataclass(frozen=True)
-class Shrunk(AtDistance):
-    """Select `inner` without what is at most `radius` away from the rest."""
-
-    verb: ClassVar[str] = "shrink"
-
-    def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
-        inside = self.inner.mask(table)
-        return inside & ~_within(table.means, ~inside, self.radius)
+def shrink(selection: Selection, radius: float) -> Selection:
+    """A selection, without what is at most `radius` from the rest."""
+    check_positive("shrink", "radius", radius)
+    return _of_whole(
+        selection, lambda inside, table: inside & ~_within(table.means, ~inside, radius)
+    )
 
 
 def _within(

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 
 import torch
@@ -23,13 +23,18 @@ from gsedit.formats.flags import read_flags
 from gsedit.scene.merging.groups import MergedScene
 from gsedit.scene.table import table_of
 from gsedit.select.click import Click, Selector
-from gsedit.select.drawn import read_masks
-from gsedit.select.lift import cut_out, find_drawn, lift, within_silhouette
+from gsedit.select.masked import MaskProvider, read_masks
 from gsedit.select.phrase import carrier, find_phrase
-from gsedit.select.provider import MaskProvider
-from gsedit.select.questions import Asked, questions
-from gsedit.select.region import Region, coverage
-from gsedit.select.remembered import remembered_region, remembered_segments
+from gsedit.select.questions import questions
+from gsedit.select.region import (
+    Region,
+    coverage,
+    cut_out,
+    find_drawn,
+    lift,
+    within_silhouette,
+)
+from gsedit.select.remembered import remembered
 from gsedit.select.saved import key_of_name, read_named
 from gsedit.select.segment import Segments
 from gsedit.select.short import OUTSIDE, expression_of, quoted
@@ -107,7 +112,7 @@ class Finder:
     @cached_property
     def segments(self) -> Segments:
         """The objects of the scene."""
-        return remembered_segments(self.scene, self.cameras, lambda: self.selector.segments)
+        return remembered("segments", self.scene, self.cameras, lambda: self.selector.segments)
 
     @property
     def subject(self) -> Region:
@@ -148,7 +153,7 @@ class Finder:
     def _select(self, text: str) -> Region:
         expression = expression_of(text)
         rule = where(expression, questions(lambda _: self))
-        if isinstance(rule, Asked):
+        if rule.question is not None:
             found = rule.question(self)
         else:
             found = Region(torch.from_numpy(rule.mask(table_of(self.scene))), text)
@@ -159,12 +164,8 @@ class Finder:
     def find_subject(self, *, base: bool = False) -> Region:
         """The main subject; with its `base`, as a plinth, where that is asked for."""
         name = "subject with base" if base else "subject"
-        return remembered_region(
-            name,
-            self.scene,
-            self.cameras,
-            lambda: find_subject(self.scene, self.cameras, self.execution, with_carrier=base),
-        )
+        find = partial(find_subject, self.scene, self.cameras, self.execution, with_carrier=base)
+        return remembered(name, self.scene, self.cameras, find)
 
     def find_clicked(self, clicks: Sequence[tuple[str, float, float]]) -> Region:
         """The object at pixels of views; of whole numbers, in the middle of that pixel."""

@@ -6,7 +6,6 @@ Loads no torch: what they ask is answered by a `gsedit.select.finder.Finder` of 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -14,7 +13,7 @@ import numpy as np
 from gsedit.errors import UsageError
 from gsedit.scene.shapes import Bool
 from gsedit.scene.table import SplatTable, gaussians_of
-from gsedit.select.rules import Selection, WholeSelection
+from gsedit.select.rules import Selection
 from gsedit.select.short import FORMS, NUMBERS, expression_of
 from gsedit.select.where import where
 
@@ -34,27 +33,6 @@ class Answers(Protocol):
     def find_flags(self, path: str) -> Region: ...
 
 
-@dataclass(frozen=True)
-class Asked(WholeSelection):
-    """A selection that a `Finder` of the scene is asked for."""
-
-    question: Callable[[Answers], Region]
-    finder: Callable[[Gaussians], Answers]
-    """Makes the finder of a scene."""
-    tell: Callable[[Region], None] | None = None
-    """Is given what was found, for a person."""
-
-    @property
-    def view_dependent(self) -> bool:
-        return True  # the scene is rendered
-
-    def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
-        found = self.question(self.finder(gaussians_of(table)))
-        if self.tell is not None:
-            self.tell(found)
-        return found.inside.numpy()
-
-
 def questions(
     finder: Callable[[Gaussians], Answers], tell: Callable[[Region], None] | None = None
 ) -> dict[str, Callable[..., Selection]]:
@@ -64,13 +42,24 @@ def questions(
     """
 
     def ask(question: Callable[[Answers], Region]) -> Selection:
-        return Asked(question, finder, tell)
+        def mask(table: SplatTable) -> Bool[np.ndarray, " n"]:
+            found = question(finder(gaussians_of(table)))
+            if tell is not None:
+                tell(found)
+            return found.inside.numpy()
+
+        # the scene is rendered
+        return Selection(mask, whole=True, view_dependent=True, question=question)
 
     def subject(base: bool = False) -> Selection:
         return ask(lambda f: f.find_subject(base=base))
 
     def click(view: str, x: float, y: float, *more: str | float) -> Selection:
-        return ask(lambda f: f.find_clicked(_clicks(view, x, y, *more)))
+        told = (view, x, y, *more)
+        clicks = [told[i : i + 3] for i in range(0, len(told), 3)]
+        if any([*map(type, each)] != [str, float, float] for each in clicks):
+            raise UsageError("click: give a view, a column and a row for each click")
+        return ask(lambda f: f.find_clicked(clicks))
 
     def thing(phrase: str) -> Selection:
         return ask(lambda f: f.find_thing(phrase))
@@ -90,18 +79,6 @@ def questions(
 
 def _unasked(scene: Gaussians) -> Answers:
     raise AssertionError("a rule that is only checked is never asked")
-
-
-def _clicks(*told: str | float) -> list[tuple[str, float, float]]:
-    """Clicks from views, columns and rows. Raises UsageError for another list."""
-    found = []
-    for i in range(0, len(told), 3):
-        match told[i : i + 3]:
-            case [str(view), float(x), float(y)]:
-                found.append((view, x, y))
-            case _:
-                raise UsageError("click: give a view, a column and a row for each click")
-    return found
 
 
 def check_region(

@@ -1,145 +1,549 @@
-"""Selections: rules that tell of every Gaussian whether it is selected.
+"""Rules that select Gaussians: by value, rank, color, volume, file or camera, each by a function.
 
-Selections combine: `a & b` (both), `a | b` (either), `~a` (not).
+`gsedit.select.where` calls the functions of `FORMS` and `VALUES` by their names, and reads the
+types of their parameters. Coordinates and lengths are those of the scene's file (see
+gsedit.scene.table); angles are degrees about x, then y, then z. The surface of a volume is inside.
 """
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Iterator
+import re
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields, is_dataclass
+from difflib import get_close_matches
+from functools import lru_cache
+from math import ceil, inf, isfinite, isnan
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gsedit.errors import GseditError, InputError, UsageError
 from gsedit.formats.flags import read_flags
-from gsedit.scene.shapes import Bool
-from gsedit.scene.table import SplatTable
+from gsedit.runs.environment import load_extra
+from gsedit.scene.color_space import lab_of_srgb, srgb_of_hex
+from gsedit.scene.shapes import Bool, Float32
+from gsedit.scene.table import SplatTable, gaussians_of
+from gsedit.scene.volumes import inside_ball, inside_box, squared_norm
+from gsedit.storage.inputs import existing_file
+
+if TYPE_CHECKING:
+    from gsedit.datasets.dataset import View
+    from gsedit.datasets.viewpoints import Viewpoint
 
 QUIET = np.errstate(over="ignore", invalid="ignore", divide="ignore")
 """For masks that compute: a damaged row is not selected, and no reason for a warning."""
-
-
-@dataclass(frozen=True)
-class Selection(ABC):
-    """A rule that selects Gaussians of a scene."""
-
-    @property
-    def whole(self) -> bool:
-        """Whether `mask` must be given all rows of the scene at once, in the order of its file."""
-        return False
-
-    @property
-    def view_dependent(self) -> bool:
-        """Whether `mask` looks at the bands of SH above the first."""
-        return False
-
-    @abstractmethod
-    def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
-        """Whether each row is selected. Does not write into the arrays of `table`.
-
-        A row with NaN where the rule looks is not selected by it, so its complement selects it.
-        Raises UsageError for a column that the scene lacks, InputError for a file that does not
-        fit.
-        """
-
-    def __and__(self, other: Selection) -> Selection:
-        return Intersection((self, other))
-
-    def __or__(self, other: Selection) -> Selection:
-        return Union((self, other))
-
-    def __invert__(self) -> Selection:
-        return Complement((self,))
-
-
-@dataclass(frozen=True)
-class Everything(Selection):
-    """Select every Gaussian of the scene."""
-
-    def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
-        return np.ones(len(table), bool)
-
-
-EVERYTHING = Everything()
-
-
-@dataclass(frozen=True)
-class Combined(Selection):
-    """A selection that asks others: it needs what they need."""
-
-    parts: tuple[Selection, ...]
-
-    @property
-    def whole(self) -> bool:
-        return any(part.whole for part in self.parts)
-
-    @property
-    def view_dependent(self) -> bool:
-        return any(part.view_dependent for part in self.parts)
-
-
-@dataclass(frozen=True)
-class Intersection(Combined):
-    """Select the Gaussians that all parts select."""
-
-    def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
-        return np.logical_and.reduce([part.mask(table) for part in self.parts])
-
-
-@dataclass(frozen=True)
-class Union(Combined):
-    """Select the Gaussians that at least one part selects."""
-
-    def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
-        return np.logical_or.reduce([part.mask(table) for part in self.parts])
-
-
-@dataclass(frozen=True)
-class Complement(Combined):
-    """Select the Gaussians that the only part does not select."""
-
-    def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
-        (inner,) = self.parts
-        return ~inner.mask(table)
-
-
-@dataclass(frozen=True)
-class WholeSelection(Selection):
-    """A selection whose `mask` must be given all rows of the scene at once."""
-
-    @property
-    def whole(self) -> bool:
-        return True
+Vector = tuple[float, float, float]
+Points = Float32[np.ndarray, "n 3"]
+Flags = Bool[np.ndarray, " n"]
 
 
 @dataclass(frozen=True, eq=False)
-class Given(WholeSelection):
-    """Flags that are known already, one for each row."""
+class Selection:
+    """A rule that selects Gaussians of a scene; `a & b`, `a | b` and `~a` make others of it."""
 
-    flags: Bool[np.ndarray, " n"]
+    mask: Callable[[SplatTable], Flags]
+    """Tells whether each row is selected, and does not write into the arrays of the table.
 
-    def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
-        return self.flags
+    A row with NaN where the rule looks is not selected by it, so its complement selects it. Raises
+    UsageError for a column that the scene lacks, InputError for a file that does not fit."""
+    whole: bool = False
+    """Whether `mask` must be given all rows of the scene at once, in the order of its file."""
+    view_dependent: bool = False
+    """Whether `mask` looks at the bands of SH above the first."""
+    files: tuple[Path, ...] = ()
+    """Files of saved flags that it reads."""
+    question: Callable[[Any], Any] | None = None
+    """Asks a `gsedit.select.finder.Finder` for a Region, where a scene has to be looked at."""
+
+    def __and__(self, other: Selection) -> Selection:
+        return combined(np.logical_and.reduce, self, other)
+
+    def __or__(self, other: Selection) -> Selection:
+        return combined(np.logical_or.reduce, self, other)
+
+    def __invert__(self) -> Selection:
+        return combined(lambda masks: ~masks[0], self)
 
 
-@dataclass(frozen=True)
-class Flags(WholeSelection):
-    """The flags of a file, one for each Gaussian of the scene."""
+def combined(join: Callable[[list[Flags]], Flags], *parts: Selection) -> Selection:
+    """A selection of the masks of others, that needs what they need."""
+    return Selection(
+        lambda table: join([part.mask(table) for part in parts]),
+        any(part.whole for part in parts),
+        any(part.view_dependent for part in parts),
+        tuple(file for part in parts for file in part.files),
+    )
 
-    path: Path
 
-    def mask(self, table: SplatTable) -> Bool[np.ndarray, " n"]:
-        return read_flags(self.path, len(table))
+def given(inside: Flags) -> Selection:
+    """The selection of flags that are known already, one for each row."""
+    return Selection(lambda table: inside, whole=True)
 
 
-def saved_flags(asked: object) -> Iterator[Flags]:
-    """The saved flags that an operation or a selection asks, in its fields and theirs."""
-    if isinstance(asked, Flags):
-        yield asked
+def saved_flags(asked: object) -> Iterator[Path]:
+    """The files of saved flags that an operation or a selection asks, in its fields and theirs."""
+    if isinstance(asked, Selection):
+        yield from asked.files
     elif isinstance(asked, tuple):
         for each in asked:
             yield from saved_flags(each)
     elif is_dataclass(asked) and not isinstance(asked, type):
         for field in fields(asked):
             yield from saved_flags(getattr(asked, field.name))
+
+
+def everything() -> Selection:
+    """Select every Gaussian of the scene."""
+    return EVERYTHING
+
+
+EVERYTHING = Selection(lambda table: np.ones(len(table), bool))
+
+
+def flags(path: str) -> Selection:
+    """Select by a .npy file of flags, such as `gsedit select` writes."""
+    file = Path(path).expanduser()
+    return Selection(lambda table: read_flags(file, len(table)), whole=True, files=(file,))
+
+
+# ---- values -------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Value:
+    """A number that every Gaussian has."""
+
+    of: Callable[[SplatTable], Any]
+    """One number a row, of any type; or one number for all rows."""
+    number: float | None = None
+    """The number that is equal for all Gaussians; None for another value."""
+
+
+NAMED: dict[str, tuple[str, Callable[[SplatTable], Any]]] = {
+    "x": ("coordinate of the center", lambda table: table.means[:, 0]),
+    "y": ("coordinate of the center", lambda table: table.means[:, 1]),
+    "z": ("coordinate of the center", lambda table: table.means[:, 2]),
+    "opacity": ("0 to 1", lambda table: table.opacities),
+    "size": (
+        "geometric mean of the three standard deviations",
+        lambda table: np.exp(table.log_scales.mean(1)),
+    ),
+    "longest": ("largest standard deviation", lambda table: np.exp(table.log_scales.max(1))),
+    "shortest": ("smallest standard deviation", lambda table: np.exp(table.log_scales.min(1))),
+    "anisotropy": (
+        "longest / shortest",
+        lambda table: np.exp(table.log_scales.max(1) - table.log_scales.min(1)),
+    ),
+    "red": ("0 to 1, without view dependence", lambda table: table.colors[:, 0]),
+    "green": ("0 to 1, without view dependence", lambda table: table.colors[:, 1]),
+    "blue": ("0 to 1, without view dependence", lambda table: table.colors[:, 2]),
+    "luminance": (  # the luma of Rec. 709
+        "0.2126 red + 0.7152 green + 0.0722 blue",
+        lambda table: table.colors @ np.array((0.2126, 0.7152, 0.0722), np.float32),
+    ),
+}
+"""Values by name: what each is, and how it is computed. Lengths are in units of the scene."""
+
+
+def value_named(name: str) -> Value:
+    """A value of `NAMED`, or else an extra column of the file."""
+    return Value(NAMED[name][1]) if name in NAMED else column(name)
+
+
+def column(name: str) -> Value:
+    """An extra column of the file."""
+
+    def of(table: SplatTable) -> Any:
+        if name in table.extra:
+            return table.extra[name]
+        known = [*NAMED, *table.extra]
+        close = get_close_matches(name, known, 1)
+        move = f"did you mean {close[0]}?" if close else f"the scene has {', '.join(known)}"
+        raise UsageError(f"no value and no column of the scene is named {name}: {move}")
+
+    return Value(of)
+
+
+def distance(x: float, y: float, z: float) -> Value:
+    """From x,y,z to the center."""
+    check_finite("distance", x, y, z)
+    point = np.array((x, y, z), np.float32)
+    return Value(lambda table: np.linalg.norm(table.means - point, axis=1))
+
+
+def absolute(value: Value) -> Value:
+    """Absolute value of a number."""
+    return computed(abs, value)
+
+
+def computed(operator: Callable[..., Any], *operands: Value) -> Value:
+    """Result of arithmetic on values. Whole numbers become float64: differences of a column of
+    bytes would wrap round."""
+
+    def real(numbers: Any) -> Any:
+        whole = isinstance(numbers, np.ndarray) and numbers.dtype.kind in "biu"
+        return numbers.astype(np.float64) if whole else numbers
+
+    return Value(lambda table: operator(*(real(each.of(table)) for each in operands)))
+
+
+def compare(left: Value, operator: Callable[[Any, Any], Any], right: Value) -> Selection:
+    """Select rows for which `left operator right` holds."""
+
+    def mask(table: SplatTable) -> Flags:
+        found = operator(left.of(table), right.of(table))
+        return np.broadcast_to(np.asarray(found, bool), len(table))
+
+    return Selection(QUIET(mask))
+
+
+Amount = Callable[[int], int]
+"""Rows of a number of all rows."""
+
+
+def parse_amount(text: str) -> Amount:
+    """The rows of `1000`, or of the share `10 %`, which is rounded up. Raises UsageError."""
+    match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*(%?)\s*", text)
+    if match is None or (not match[2] and "." in match[1]):
+        raise UsageError(f"{text!r} is no amount: give a count, as in 1000, or a share, as in 10%")
+    number = float(match[1])
+    if match[2] and number > 100:
+        raise UsageError(f"{number:g} %: give a count of 0 or more, or 0 % to 100 %")
+    return lambda count: min(ceil(number * count / 100) if match[2] else int(number), count)
+
+
+def largest(amount: Amount, value: Value) -> Selection:
+    """The rows with the largest values: 1000 of them, or '10%'."""
+    return smallest(amount, Value(lambda table: -np.asarray(value.of(table), np.float64)))
+
+
+def smallest(amount: Amount, value: Value) -> Selection:
+    """The rows with the smallest values: 1000 of them, or '10%'."""
+
+    def mask(table: SplatTable) -> Flags:
+        numbers = np.broadcast_to(np.asarray(value.of(table), np.float64), len(table))
+        inside = np.zeros(len(table), bool)
+        # of equals the first ones, and NaN comes last
+        inside[np.argsort(numbers, kind="stable")[: amount(len(table))]] = True
+        return inside
+
+    return Selection(QUIET(mask), whole=True)
+
+
+def near(color: str, difference: float = 10.0) -> Selection:
+    """Select colors that differ by at most `difference` (CIE 1976, in Lab) from #rrggbb, or from a
+    pixel given as `photo.jpg@COLUMN,ROW`: 2 is just noticeable, 10 a shade, 30 another hue."""
+    picked = lab_of_srgb(np.array([parse_color(color)]))
+    check_positive("near", "difference", difference)
+
+    def mask(table: SplatTable) -> Flags:
+        apart = lab_of_srgb(np.clip(table.colors, 0, 1)) - picked
+        return np.linalg.norm(apart, axis=1) <= difference
+
+    return Selection(QUIET(mask))
+
+
+def parse_color(text: str) -> Vector:
+    """Red, green and blue, 0 to 1, of `#rrggbb`, `#rgb`, or of the pixel `PICTURE@COLUMN,ROW`.
+
+    Raises UsageError for another text or a pixel outside, InputError for no picture.
+    """
+    if "@" in text:
+        return _pixel(text)
+    digits = text.removeprefix("#")
+    if not re.fullmatch(r"[0-9a-fA-F]{3}|[0-9a-fA-F]{6}", digits):
+        raise UsageError(f"color {text}: give #rrggbb, as in #a08050, or a pixel, as photo.jpg@8,9")
+    if len(digits) == 3:
+        digits = "".join(2 * digit for digit in digits)
+    red, green, blue = srgb_of_hex(digits).tolist()
+    return red, green, blue
+
+
+def _pixel(text: str) -> Vector:
+    from gsedit.formats.pictures import open_picture
+
+    name, _, place = text.rpartition("@")
+    path = existing_file(Path(name).expanduser())
+    try:
+        column, row = (int(number) for number in place.split(","))
+    except ValueError:
+        raise UsageError(f"color {text}: name a pixel by column and row: {name}@8,9") from None
+    with open_picture(path) as picture:
+        shown = np.asarray(picture.convert("RGB"))
+    height, width = shown.shape[:2]
+    if not (0 <= column < width and 0 <= row < height):
+        raise UsageError(f"color {text}: the picture has {width}x{height} pixels, from 0,0")
+    red, green, blue = (shown[row, column] / 255).tolist()
+    return red, green, blue
+
+
+# ---- volumes ------------------------------------------------------------------------------------
+
+
+def _within(holds: Callable[[Points], Flags]) -> Selection:
+    """Select the centers that a volume holds."""
+    return Selection(QUIET(lambda table: holds(table.means)))
+
+
+def box(x0: float, y0: float, z0: float, x1: float, y1: float, z1: float) -> Selection:
+    """Between two corners, along the axes; `-inf` and `inf` leave a side open."""
+    lows, highs = (x0, y0, z0), (x1, y1, z1)
+    if any(map(isnan, (*lows, *highs))):
+        raise UsageError("box: a corner is not a number")
+    for axis, low, high in zip("xyz", lows, highs):
+        if low > high:
+            raise UsageError(
+                f"box: {axis} goes from {low:g} to {high:g}: give the lower corner first"
+            )
+    return _within(lambda points: inside_box(points, lows, highs))
+
+
+def oriented_box(
+    x: float, y: float, z: float, a: float, b: float, c: float,
+    rx: float = 0.0, ry: float = 0.0, rz: float = 0.0,
+) -> Selection:  # fmt: skip
+    """About x,y,z, with sides of lengths a, b and c, turned by rx,ry,rz degrees."""
+    check_finite("oriented_box", x, y, z, rx, ry, rz)
+    check_positive("oriented_box", "side", a, b, c)
+    half = np.array((a, b, c), np.float32) / 2
+    return _within(lambda p: np.all(np.abs(_along(p, (x, y, z), (rx, ry, rz))) <= half, axis=1))
+
+
+def ellipsoid(
+    x: float, y: float, z: float, a: float, b: float, c: float,
+    rx: float = 0.0, ry: float = 0.0, rz: float = 0.0,
+) -> Selection:  # fmt: skip
+    """About x,y,z, with radii a, b and c, turned by rx,ry,rz degrees."""
+    check_finite("ellipsoid", x, y, z, rx, ry, rz)
+    check_positive("ellipsoid", "radius", a, b, c)
+    radii = np.array((a, b, c), np.float32)
+    return _within(lambda p: squared_norm(_along(p, (x, y, z), (rx, ry, rz)) / radii) <= 1)
+
+
+def sphere(x: float, y: float, z: float, radius: float) -> Selection:
+    """Select a ball about (x, y, z)."""
+    check_finite("sphere", x, y, z)
+    check_positive("sphere", "radius", radius)
+    return _within(lambda points: inside_ball(points, (x, y, z), radius))
+
+
+def cylinder(
+    x0: float, y0: float, z0: float, x1: float, y1: float, z1: float, radius: float
+) -> Selection:
+    """About the axis between two points, where it ends too."""
+    start, end = (x0, y0, z0), (x1, y1, z1)
+    check_finite("cylinder", *start, *end)
+    check_positive("cylinder", "radius", radius)
+    if start == end:
+        raise UsageError("cylinder: its axis goes from a point to the same one: give two")
+
+    def holds(points: Points) -> Flags:
+        axis = np.subtract(end, start)
+        length = float(np.linalg.norm(axis))
+        unit = (axis / length).astype(np.float32)
+        offset = points - np.array(start, np.float32)
+        along = offset @ unit
+        near = squared_norm(offset - along[:, None] * unit) <= np.square(np.float64(radius))
+        return (along >= 0) & (along <= length) & near
+
+    return _within(holds)
+
+
+def half_space(x: float, y: float, z: float, nx: float, ny: float, nz: float) -> Selection:
+    """The side of the plane through x,y,z that the direction nx,ny,nz points to."""
+    check_finite("half_space", x, y, z, nx, ny, nz)
+    if not any((nx, ny, nz)):
+        raise UsageError("half_space: the normal is 0,0,0: give a direction")
+    normal = (np.array((nx, ny, nz)) / np.linalg.norm((nx, ny, nz))).astype(np.float32)
+    return _within(lambda points: (points - np.array((x, y, z), np.float32)) @ normal >= 0)
+
+
+def check_finite(form: str, *numbers: float) -> None:
+    """Raise UsageError for a number that is infinite or none."""
+    if not all(map(isfinite, numbers)):
+        raise UsageError(f"{form}: {', '.join(f'{n:g}' for n in numbers)} are not all finite")
+
+
+def check_positive(form: str, what: str, *numbers: float) -> None:
+    """Raise UsageError for a length that is not a finite number above 0."""
+    for number in numbers:
+        if not 0 < number < inf:
+            raise UsageError(f"{form}: {what} {number:g}: it must be more than 0, and finite")
+
+
+def _along(points: Points, center: Vector, degrees: Vector) -> Points:
+    """Positions in the frame of a volume that is turned by `degrees`."""
+    offset = points - np.array(center, np.float32)
+    if not any(degrees):
+        return offset
+    from gsedit.scene.quaternions import axis_rotation  # which imports jaxtyping
+
+    x, y, z = (axis_rotation(axis, angle) for axis, angle in zip(np.eye(3), degrees))
+    return offset @ (z @ y @ x).astype(np.float32)
+
+
+RAYS = 3
+"""A point, of which the majority counts: one ray may pass through an edge."""
+
+
+def inside(mesh: str) -> Selection:
+    """Select the inside of a closed mesh: .obj, .ply, .stl, .off or .glb."""
+
+    def mask(table: SplatTable) -> Flags:
+        file = existing_file(Path(mesh).expanduser())
+        open3d = load_extra("open3d", "a selection by a mesh")
+        casting, low, high = _casting(file, file.stat().st_mtime_ns)
+        near = ((table.means >= low) & (table.means <= high)).all(1)  # and no NaN
+        points = open3d.core.Tensor.from_numpy(np.ascontiguousarray(table.means[near]))
+        found = np.zeros(len(table), bool)
+        found[near] = casting.compute_occupancy(points, nsamples=RAYS).numpy() > 0.5
+        return found
+
+    return Selection(mask)
+
+
+@lru_cache(maxsize=4)
+def _casting(path: Path, changed: int) -> tuple[Any, Any, Any]:
+    """The scene to cast rays in and the mesh's bounds. Raises InputError for no closed mesh."""
+    import trimesh
+
+    from gsedit.formats.mesh_files import geometries
+
+    try:
+        parts = [part for part in geometries(path) if hasattr(part, "faces")]
+        mesh: Any = trimesh.util.concatenate(parts) if parts else trimesh.Trimesh()
+        mesh.merge_vertices(merge_tex=True, merge_norm=True)  # they are repeated along seams
+    except (GseditError, MemoryError):
+        raise
+    except Exception as error:  # its readers raise a dozen kinds
+        reason = str(error).split("\n")[0]
+        raise InputError(
+            f"{path} is no mesh that can be read ({reason}): give .obj, .ply, .stl, .off or .glb"
+        ) from None
+    if not len(mesh.faces):
+        raise InputError(f"{path} has no triangles: give a mesh as .obj, .ply, .stl, .off or .glb")
+    if not mesh.is_watertight:
+        raise InputError(
+            f"{path} is no closed mesh (an edge does not belong to two triangles), so it has no "
+            "inside: close its holes first"
+        )
+    casting = load_extra("open3d", "a selection by a mesh").t.geometry.RaycastingScene()
+    casting.add_triangles(mesh.vertices.astype(np.float32), mesh.faces.astype(np.uint32))
+    low, high = mesh.bounds
+    return casting, low, high
+
+
+# ---- cameras of a capture: torch is loaded when a mask is asked for -----------------------------
+
+SIZE_PIXELS = 256
+"""Longer side of the pictures, pixels."""
+LEAST_PIXELS = 0.01
+"""Pixels of that size, in all pictures together: less than the eye sees of a Gaussian."""
+CAMERAS = 64
+"""Largest number of cameras; of more, every k-th is taken: each costs a render and its backward
+pass."""
+Views = Callable[[], "Sequence[View | Viewpoint]"]
+
+
+def views_of(cameras: Path, scene: Path | None = None) -> Sequence[View | Viewpoint]:
+    """The cameras of a cameras.json or of a folder of posed photos, on pictures SIZE_PIXELS wide.
+
+    The dataparser_transforms.json beside `scene`, the file that they belong to, tells the frame of
+    an export; None: the frame of the file that is selected from. Raises InputError for no cameras.
+    """
+    from gsedit.datasets.cameras_json import NAME, read_cameras
+    from gsedit.datasets.export_frame import in_export_frame
+    from gsedit.datasets.load import load_dataset
+    from gsedit.datasets.viewpoints import same_size
+
+    path = cameras.expanduser()
+    if (path / NAME).is_file():
+        path = path / NAME
+    if path.is_file() and path.name != "transforms.json":
+        return same_size(read_cameras(path), SIZE_PIXELS)
+    photos = load_dataset(path, size=SIZE_PIXELS)
+    return (photos if scene is None else in_export_frame(photos, path, scene)).views
+
+
+def seen(cameras: str, pixels: float = LEAST_PIXELS) -> Selection:
+    """Select Gaussians that contribute `pixels` or more to the pictures of a cameras.json or of
+    posed photos."""
+    return seen_in(lambda: views_of(Path(cameras)), pixels)
+
+
+def seen_in(views: Views, pixels: float = LEAST_PIXELS) -> Selection:
+    """Select Gaussians that contribute at least `pixels` to all pictures of a capture together.
+
+    The contribution to a pixel is the blending weight: what is hidden has none. Pictures are
+    `SIZE_PIXELS` pixels wide, of at most `CAMERAS` cameras.
+    """
+    if not pixels > 0:
+        raise UsageError(f"seen: {pixels:g} pixels: give more than 0")
+
+    def mask(table: SplatTable) -> Flags:
+        import torch
+
+        from rasterizer.render import contributions
+
+        if not len(table):
+            return np.zeros(0, bool)
+        every = views()
+        with torch.no_grad():
+            scene = gaussians_of(table)
+            total = torch.zeros(len(scene))
+            for view in every[:: -(-len(every) // CAMERAS)]:
+                total += contributions(scene, view.camera)
+        return (total >= pixels).numpy()
+
+    return Selection(mask, whole=True)
+
+
+def middle(within: float, cameras: str) -> Selection:
+    """Gaussians near the point that the cameras of a cameras.json or of posed photos look at.
+
+    `within` is a multiple of the median distance of the cameras from that point.
+    """
+    return in_the_middle(lambda: views_of(Path(cameras)), within)
+
+
+def in_the_middle(views: Views, within: float) -> Selection:
+    """Gaussians nearer to the point that the cameras look at than `within` times their median
+    distance from it; 1 is about the part that an orbit of cameras encloses."""
+    if not 0 < within < inf:
+        raise UsageError(f"within {within:g}: give a number above 0")
+
+    def mask(table: SplatTable) -> Flags:
+        import torch
+
+        from gsedit.cameras.paths import common_point
+
+        cameras = [view.camera for view in views()]
+        middle = common_point(cameras)
+        if middle is None:
+            raise UsageError("the cameras look at no common point: use sphere(x, y, z, radius)")
+        centers = torch.stack([camera.center.detach().double() for camera in cameras])
+        distance = np.median((centers - middle).norm(dim=1).numpy())
+        away = np.linalg.norm(table.means.astype(np.float64) - middle.numpy(), axis=1)
+        return away <= within * distance
+
+    return Selection(mask, whole=True)
+
+
+FORMS: dict[str, Callable[..., Selection]] = {
+    **{
+        form.__name__: form
+        for form in (
+            *(box, oriented_box, sphere, ellipsoid, cylinder, half_space, near, flags),
+            *(largest, smallest, inside, seen, middle),
+        )
+    },
+    "all": everything,
+}
+"""Selections by their names in expressions."""
+VALUES: dict[str, Callable[..., Value]] = {
+    "distance": distance,
+    "column": column,
+    "abs": absolute,
+}
+"""Functions that give a number a Gaussian, by their names in expressions."""

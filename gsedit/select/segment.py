@@ -15,9 +15,8 @@ from jaxtyping import Bool, Float64, Int
 from torch import Tensor
 
 from gsedit.scene.neighbors import k_nearest
-from gsedit.scene.quantiles import extent_of
-from gsedit.select.pieces import split_touching
-from gsedit.select.stacks import Stacks, find_stacks
+from gsedit.scene.quantiles import extent_of, weighted_quantile
+from gsedit.select.stacks import Stacks, find_stacks, split_touching
 from gsedit.select.surfaces import Surfaces, look
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
@@ -124,8 +123,12 @@ def segment_surfaces(surfaces: Surfaces) -> Segments:
     near = np.full(len(surfaces), True) if surfaces.place.alone else away < surfaces.place.radius
     stacks = find_stacks(surfaces, near)
     kinds, labels = _kinds(surfaces, stacks, near, away)
-    labels = _with_hovering(surfaces, _filled(surfaces, labels, kinds), kinds)
-    return _ordered(surfaces, labels, kinds)
+    known = (labels >= 0) & surfaces.solid
+    if not known.any():
+        kinds.append("object")
+        labels = np.full(len(labels), len(kinds) - 1)
+    labels = surfaces.spread(labels, known, labels < 0)
+    return _ordered(surfaces, _with_hovering(surfaces, labels, kinds), kinds)
 
 
 def _kinds(
@@ -146,8 +149,10 @@ def _kinds(
     sky = _sky(surfaces, near, away)
     far = ~near & ~sky
     least = (LEAST_SEEN if stacks.ground.any() else LEAST_ALONE) * surfaces.seen[near].sum()
-    for number in np.flatnonzero(_large(surfaces, stacks.body, least)):
+    for number in range(int(stacks.body.max()) + 1):
         body = stacks.body == number
+        if surfaces.seen[body].sum() < least or body.sum() < LEAST_ROWS:
+            continue
         if np.median(away[body]) > FAR * surfaces.place.radius and not surfaces.place.alone:
             far |= body
             continue
@@ -164,15 +169,6 @@ def _kinds(
     return kinds, labels
 
 
-def _large(
-    surfaces: Surfaces, number: Int[np.ndarray, " n"], least: float
-) -> Bool[np.ndarray, " b"]:
-    on = number >= 0
-    count = int(number.max()) + 1
-    seen = np.bincount(number[on], weights=surfaces.seen[on], minlength=count)
-    return (seen >= least) & (np.bincount(number[on], minlength=count) >= LEAST_ROWS)
-
-
 def _is_thing(
     surfaces: Surfaces, inside: Bool[np.ndarray, " n"], beside: Bool[np.ndarray, " n"], least: float
 ) -> bool:
@@ -182,11 +178,7 @@ def _is_thing(
         return False
     if seen > RIM_SEEN * least:
         return True
-    first, second = surfaces.edges.T
-    rim = np.zeros(len(inside), bool)
-    rim[first[inside[first] & beside[second]]] = True
-    rim[second[inside[second] & beside[first]]] = True
-    return bool(rim.sum() < RIM * inside.sum())
+    return bool((surfaces.touches(inside, beside) > 0).sum() < RIM * inside.sum())
 
 
 def _sky(
@@ -200,22 +192,6 @@ def _sky(
     light = surfaces.colors.mean(1) > SKY_LIGHT
     high = (elevation > SKY_ELEVATION) & (away > SKY_DISTANCE * surfaces.place.distance)
     return ~near & cool & light & high
-
-
-def _filled(
-    surfaces: Surfaces,
-    labels: Int[np.ndarray, " n"],
-    kinds: list[Kind],
-) -> Int[np.ndarray, " n"]:
-    """Labels of all: what has none takes that of the nearest solid one that has."""
-    known, open_ = np.flatnonzero((labels >= 0) & surfaces.solid), np.flatnonzero(labels < 0)
-    if not len(known):
-        kinds.append("object")
-        return np.full(len(labels), len(kinds) - 1)
-    if len(open_):
-        _, at = k_nearest(surfaces.points[known], surfaces.points[open_], 1)
-        labels[open_] = labels[known[at[:, 0]]]
-    return labels
 
 
 def _ordered(surfaces: Surfaces, labels: Int[np.ndarray, " n"], kinds: list[Kind]) -> Segments:
@@ -242,11 +218,11 @@ def _row(surfaces: Surfaces, labels: Int[np.ndarray, " n"], number: int, kind: K
     right = torch.linalg.cross(place.up, place.front)
     axes = torch.stack((right, -place.front, place.up)).numpy()
     local = (surfaces.points[rows] - place.center.numpy()) @ axes.T
-    low, high = _quantiles(local, weight, (TAIL, 1 - TAIL))
-    (color,) = _quantiles(surfaces.colors[rows], weight, (0.5,))
+    ends = (_quantile(local, weight, share) for share in (TAIL, 1 - TAIL))
+    color = _quantile(surfaces.colors[rows], weight, 0.5)
     share = float(weight.sum() / max(surfaces.seen.sum(), 1e-9))
     palette = _palette(surfaces.colors[rows], weight)
-    return Segment(number, kind, share, low, high, color, palette, -1)
+    return Segment(number, kind, share, *ends, color, palette, -1)
 
 
 def _palette(
@@ -263,20 +239,13 @@ def _palette(
     return tuple(((r, g, b), share) for (r, g, b), share in zip(means.tolist(), shares.tolist()))
 
 
-def _quantiles(
-    values: Float64[np.ndarray, "m 3"],
-    weights: Float64[np.ndarray, " m"],
-    shares: tuple[float, ...],
-) -> list[tuple[float, float, float]]:
-    """The least value of each column up to which each share of the weight lies."""
-    order = np.argsort(values, axis=0, kind="stable")
-    below = np.cumsum(weights[order], 0)
-    found = []
-    for share in shares:
-        at = (below < share * below[-1]).sum(0).clip(max=len(values) - 1)
-        x, y, z = np.take_along_axis(values, np.take_along_axis(order, at[None], 0), 0)[0].tolist()
-        found.append((x, y, z))
-    return found
+def _quantile(
+    values: Float64[np.ndarray, "m 3"], weights: Float64[np.ndarray, " m"], share: float
+) -> tuple[float, float, float]:
+    """The least value of each column up to which a share of the weight lies."""
+    found = weighted_quantile(torch.from_numpy(values), torch.from_numpy(weights), share)
+    x, y, z = found.tolist()
+    return x, y, z
 
 
 def _standing(
@@ -322,19 +291,15 @@ def _with_hovering(
 ) -> Int[np.ndarray, " n"]:
     """The labels with parts that hover beside a larger object, as a hand, made part of it."""
     under = _standing(surfaces, labels, kinds)
-    things = [i for i, kind in enumerate(kinds) if kind == "object"]
+    things, points = [i for i, kind in enumerate(kinds) if kind == "object"], surfaces.points
     rows = {i: np.flatnonzero((labels == i) & surfaces.solid) for i in things}
-    size = {i: extent_of(surfaces.points[rows[i]]) if len(rows[i]) else 0.0 for i in things}
+    size = {i: extent_of(points[rows[i]]) if len(rows[i]) else 0.0 for i in things}
     for small in sorted((i for i in things if under[i] < 0), key=lambda i: size[i]):
         gaps = {
-            large: _gap(surfaces.points[rows[small]], surfaces.points[rows[large]]) / size[large]
+            large: k_nearest(points[rows[large]], points[rows[small]], 1)[0].min() / size[large]
             for large in things
             if size[large] > size[small] > 0
         }
         if gaps and min(gaps.values()) < LOOSE:
             labels = np.where(labels == small, min(gaps, key=lambda i: gaps[i]), labels)
     return labels
-
-
-def _gap(first: Float64[np.ndarray, "a 3"], second: Float64[np.ndarray, "b 3"]) -> float:
-    return float(k_nearest(second, first, 1)[0].min())

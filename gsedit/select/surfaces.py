@@ -20,6 +20,7 @@ from gsedit.cameras.place import Place, place_of
 from gsedit.datasets.dataset import evenly_spaced
 from gsedit.scene.cache import cached_per_scene
 from gsedit.scene.merging.groups import MAX_GAUSSIANS, MergedScene, coarsen
+from gsedit.scene.neighbors import k_nearest
 from gsedit.select.graph import Neighbors, nearest_of, neighbors
 from gsedit.surface.normals import estimate_normals
 from rasterizer.camera import Camera
@@ -107,6 +108,27 @@ class Surfaces:
         total = np.bincount(pairs.T.reshape(-1), square, len(self))
         count = np.bincount(pairs.T.reshape(-1), minlength=len(self))
         return total / np.maximum(count, 1)
+
+    def touches(
+        self, inside: Bool[np.ndarray, " n"], others: Bool[np.ndarray, " n"]
+    ) -> Int[np.ndarray, " n"]:
+        """How many neighbors each Gaussian inside has among others, both solid."""
+        both = np.concatenate((self.edges, self.edges[:, ::-1]))
+        first, second = both.T
+        return np.bincount(first[inside[first] & others[second]], minlength=len(self))
+
+    def spread(
+        self,
+        values: Shaped[np.ndarray, " n"],
+        known: Bool[np.ndarray, " n"],
+        others: Bool[np.ndarray, " n"],
+    ) -> Shaped[np.ndarray, " n"]:
+        """The values, with those of the others from the nearest known one."""
+        out, rows, asked = values.copy(), np.flatnonzero(known), np.flatnonzero(others)
+        if len(rows) and len(asked):
+            _, at = k_nearest(self.points[rows], self.points[asked], 1)
+            out[asked] = values[rows[at[:, 0]]]
+        return out
 
 
 @cached_per_scene

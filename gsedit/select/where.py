@@ -9,42 +9,44 @@ from __future__ import annotations
 
 import ast
 import inspect
+import operator
 import re
 from collections.abc import Callable, Mapping
 from difflib import get_close_matches
 from itertools import pairwise
-from types import MappingProxyType
 from typing import Any, NoReturn
 
+import numpy as np
+
 from gsedit.errors import UsageError
-from gsedit.select.forms import SELECTIONS, VALUES
-from gsedit.select.rules import Complement, Intersection, Selection, Union
-from gsedit.select.values import (
+from gsedit.select.clusters import cluster, cluster_at, grow, shrink
+from gsedit.select.rules import (
+    FORMS,
     NAMED,
+    VALUES,
     Amount,
-    Compare,
-    Computed,
-    Named,
-    Number,
+    Selection,
     Value,
+    combined,
+    compare,
+    computed,
     parse_amount,
+    value_named,
 )
 
-_OPERATORS: dict[type, str] = {
-    ast.Add: "+",
-    ast.Sub: "-",
-    ast.Mult: "*",
-    ast.Div: "/",
-    ast.Pow: "**",
+SELECTIONS: dict[str, Callable[..., Selection]] = {
+    **FORMS,
+    **{form.__name__: form for form in (cluster, cluster_at, grow, shrink)},
 }
-_COMPARISONS: dict[type, str] = {
-    ast.Lt: "<",
-    ast.LtE: "<=",
-    ast.Gt: ">",
-    ast.GtE: ">=",
-    ast.Eq: "==",
-    ast.NotEq: "!=",
-}
+"""Functions by their names in expressions."""
+_OPERATORS: dict[type, Callable[..., Any]] = {
+    ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: np.divide,
+    ast.Pow: np.power,
+}  # fmt: skip
+_COMPARISONS: dict[type, Callable[..., Any]] = {
+    ast.Lt: operator.lt, ast.LtE: operator.le, ast.Gt: operator.gt, ast.GtE: operator.ge,
+    ast.Eq: operator.eq, ast.NotEq: operator.ne,
+}  # fmt: skip
 _CONSTANTS = {"inf": float("inf"), "pi": 3.141592653589793}
 LONGEST = 10_000
 """Characters of an expression: a list of a hundred spheres has 5,000."""
@@ -74,16 +76,10 @@ def where(text: str, functions: Functions | None = None) -> Selection:
     return _Reader(text, functions or {}).read()
 
 
-def value(text: str) -> Value:
-    """The value of an expression: `opacity`, `distance(0, 0, 0)`. Raises UsageError."""
-    reader = _Reader(text)
-    return reader.value(reader.tree())
-
-
 class _Reader:
     """One expression while it is read."""
 
-    def __init__(self, text: str, functions: Functions = MappingProxyType({})) -> None:
+    def __init__(self, text: str, functions: Functions) -> None:
         self.selections = {**SELECTIONS, **functions}
         self.text = " ".join(text.split("\n")).strip()
         self.source = _QUOTED_OR_COLOR.sub(
@@ -137,9 +133,10 @@ class _Reader:
         match node:
             case ast.BoolOp(op=op, values=values):
                 parts = tuple(self.selection(each) for each in values)
-                return Intersection(parts) if isinstance(op, ast.And) else Union(parts)
+                join = np.logical_and if isinstance(op, ast.And) else np.logical_or
+                return combined(join.reduce, *parts)
             case ast.UnaryOp(op=ast.Not(), operand=operand):
-                return Complement((self.selection(operand),))
+                return ~self.selection(operand)
             case ast.Compare():
                 return self.comparison(node)
             case ast.Call(func=ast.Name(id=name)) if name in self.selections:
@@ -155,29 +152,29 @@ class _Reader:
         operands = [node.left, *node.comparators]
         values = [self.value(each) for each in operands]
         parts = []
-        for operator, (left, right) in zip(node.ops, pairwise(values)):
-            if type(operator) not in _COMPARISONS:
-                self.wrong(node, f"compare with {', '.join(_COMPARISONS.values())}")
-            if isinstance(left, Number) and isinstance(right, Number):
+        for op, (left, right) in zip(node.ops, pairwise(values)):
+            if type(op) not in _COMPARISONS:
+                self.wrong(node, "compare with <, <=, >, >=, ==, !=")
+            if left.number is not None and right.number is not None:
                 self.wrong(node, f"compares two numbers: name a value, one of {', '.join(NAMED)}")
-            parts.append(Compare(left, _COMPARISONS[type(operator)], right))
-        return parts[0] if len(parts) == 1 else Intersection(tuple(parts))
+            parts.append(compare(left, _COMPARISONS[type(op)], right))
+        return parts[0] if len(parts) == 1 else combined(np.logical_and.reduce, *parts)
 
     def value(self, node: ast.expr) -> Value:
         match node:
             case ast.Constant(value=int() | float()) | ast.UnaryOp(op=ast.USub() | ast.UAdd()):
                 return self.signed(node)
             case ast.Name(id=name) if name in _CONSTANTS:
-                return Number(_CONSTANTS[name])
+                return _constant(_CONSTANTS[name])
             case ast.Name(id=name) if name in self.selections:
                 self.wrong(node, "a condition where a number is needed")
             case ast.Name(id=name) if name in VALUES:
                 self.wrong(node, f"write {_usage(name, VALUES[name])}")
             case ast.Name(id=name):
-                return Named(name)  # perhaps an extra column of the file
+                return value_named(name)  # perhaps an extra column of the file
             case ast.BinOp(left=left, op=op, right=right) if type(op) in _OPERATORS:
                 a, b = self.value(left), self.value(right)
-                return Computed(_OPERATORS[type(op)], (a, b))
+                return computed(_OPERATORS[type(op)], a, b)
             case ast.BinOp(op=ast.BitAnd() | ast.BitOr()) | ast.UnaryOp(op=ast.Invert()):
                 self.wrong(node, "write and, or, not for &, |, ~")
             case ast.Call(func=ast.Name(id=name)) if name in VALUES:
@@ -194,23 +191,23 @@ class _Reader:
         match node:
             case ast.UnaryOp(op=ast.USub(), operand=operand):
                 inner = self.value(operand)
-                if isinstance(inner, Number):
-                    return Number(-inner.number)
-                return Computed("-", (Number(0.0), inner))
+                if inner.number is not None:
+                    return _constant(-inner.number)
+                return computed(operator.sub, _constant(0.0), inner)
             case ast.UnaryOp(op=ast.UAdd(), operand=operand):
                 return self.value(operand)
             case ast.Constant(value=number) if not isinstance(number, bool):
                 try:
-                    return Number(float(number))  # pyright: ignore[reportArgumentType]
+                    return _constant(float(number))  # pyright: ignore[reportArgumentType]
                 except OverflowError:
                     self.wrong(node, "too large a number")
         self.wrong(node, "no number")
 
     def number(self, node: ast.expr) -> float:
-        found = self.value(node)
-        if not isinstance(found, Number):
+        found = self.value(node).number
+        if found is None:
             self.wrong(node, "a plain number is needed here")
-        return found.number
+        return found
 
     def count(self, node: ast.expr) -> int:
         found = self.number(node)
@@ -233,12 +230,10 @@ class _Reader:
         self.wrong(node, "True or False is needed here")
 
     def text_or_number(self, node: ast.expr) -> str | float:
-        text = isinstance(node, ast.Constant) and isinstance(node.value, str)
-        return self.string(node) if text else self.number(node)
+        return self.string(node) if _is_text(node) else self.number(node)
 
     def amount(self, node: ast.expr) -> Amount:
-        text = isinstance(node, ast.Constant) and isinstance(node.value, str)
-        given = self.string(node) if text else str(self.count(node))
+        given = self.string(node) if _is_text(node) else str(self.count(node))
         try:
             return parse_amount(given)
         except UsageError as error:
@@ -286,6 +281,15 @@ ARGUMENTS: dict[str, Callable[[_Reader, ast.expr], Any]] = {
     "Selection": _Reader.selection,
 }
 """How an argument is read, by the type of its parameter."""
+
+
+def _is_text(node: ast.expr) -> bool:
+    return isinstance(node, ast.Constant) and isinstance(node.value, str)
+
+
+def _constant(number: float) -> Value:
+    """One number, equal for all Gaussians."""
+    return Value(lambda table: number, number)
 
 
 def _depth(tree: ast.expr) -> int:

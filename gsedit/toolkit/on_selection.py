@@ -12,7 +12,7 @@ import numpy as np
 from gsedit.formats.streams import Blocks, SceneHeader, in_blocks
 from gsedit.scene.shapes import Bool
 from gsedit.scene.table import SplatTable, concatenate_tables
-from gsedit.select.rules import EVERYTHING, Given, Selection
+from gsedit.select.rules import EVERYTHING, Selection, given
 from gsedit.toolkit.operation import Operation, Say, Whole, apply
 
 
@@ -47,7 +47,7 @@ class OnOnePart(Operation):
             tables = list(blocks)
             blocks = iter([concatenate_tables(tables)] if tables else [])
         for table, inside in masked(blocks, self.selection):
-            some = (replace(each, selection=Given(inside)) for each in self.operations)
+            some = (replace(each, selection=given(inside)) for each in self.operations)
             yield from in_blocks(apply(table, *some, say=say))
 
 

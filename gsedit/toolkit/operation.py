@@ -113,7 +113,7 @@ def check_saved_flags(operations: Sequence[Operation]) -> None:
         flags = next(saved_flags(operation), None)
         if is_sorted and flags is not None:
             raise UsageError(
-                f"{flags.path} says which rows of the scene's file are meant, and they are in "
+                f"{flags} says which rows of the scene's file are meant, and they are in "
                 "another order by then: put --order after what uses it"
             )
         is_sorted = is_sorted or operation.sorts

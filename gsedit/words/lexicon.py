@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 TABLE = Path(__file__).with_name("lexicon.txt")
+THINGS = TABLE.with_name("things.txt")
 LONGEST = 5
 """Most words of a phrase."""
 HUES = {
@@ -34,10 +35,10 @@ class Entry(NamedTuple):
     value: str
 
 
-def _rows() -> list[tuple[str, str, list[str]]]:
-    """(kind, value, phrases) of each row."""
+def rows_of(table: Path) -> list[tuple[str, str, list[str]]]:
+    """(kind, value, phrases) of each row of a table of words."""
     rows = []
-    for line in TABLE.read_text(encoding="utf-8").splitlines():
+    for line in table.read_text(encoding="utf-8").splitlines():
         if line and not line.startswith("# "):
             head, _, phrases = line.partition(":")
             kind, _, value = head.partition(" ")
@@ -45,6 +46,12 @@ def _rows() -> list[tuple[str, str, list[str]]]:
                 (kind, value, [each.strip() for each in phrases.split(",") if each.strip()])
             )
     return rows
+
+
+def things(kind: str) -> dict[str, str]:
+    """Values by the phrases of a kind in `things.txt`, in the order of its rows."""
+    rows = (row for row in rows_of(THINGS) if row[0] == kind)
+    return {phrase: value for _, value, phrases in rows for phrase in phrases}
 
 
 SETS = (
@@ -58,7 +65,7 @@ SETS = (
 def entries() -> dict[str, Entry]:
     """Meanings by phrase; of a phrase of two rows, the later one's."""
     table = dict[str, Entry]()
-    for kind, value, phrases in sorted(_rows(), key=lambda row: row[0] not in SETS):
+    for kind, value, phrases in sorted(rows_of(TABLE), key=lambda row: row[0] not in SETS):
         if kind == "material":
             value = value.partition(" #")[0]
             phrases = [value, *phrases]
@@ -71,7 +78,7 @@ def entries() -> dict[str, Entry]:
 def sets() -> dict[str, frozenset[str]]:
     """Phrases by each kind of `SETS`."""
     found: dict[str, frozenset[str]] = dict.fromkeys(SETS, frozenset())
-    for kind, _, phrases in _rows():
+    for kind, _, phrases in rows_of(TABLE):
         if kind in found:
             found[kind] |= set(phrases)
     return found
@@ -80,12 +87,12 @@ def sets() -> dict[str, frozenset[str]]:
 @lru_cache(1)
 def materials() -> dict[str, str]:
     """Base colors, "#rrggbb", by the names of materials."""
-    rows = [value.split(" #") for kind, value, _ in _rows() if kind == "material"]
+    rows = [value.split(" #") for kind, value, _ in rows_of(TABLE) if kind == "material"]
     return {name: f"#{color}" for name, color in rows}
 
 
 @lru_cache(1)
 def shades() -> dict[str, tuple[float, float]]:
     """Step in lightness L* and factor of chroma of each word such as "dark" before a color."""
-    rows = [(value.split(), phrases) for kind, value, phrases in _rows() if kind == "shade"]
+    rows = [(value.split(), phrases) for kind, value, phrases in rows_of(TABLE) if kind == "shade"]
     return {each: (float(step), float(chroma)) for (step, chroma), row in rows for each in row}

@@ -13,7 +13,7 @@ from research.labelled import statue
 from gsedit.cameras.orbit import circle
 from gsedit.objects.placing.support import find_support
 from gsedit.scene.quantiles import extent_of
-from gsedit.select.lift import lift, within_silhouette
+from gsedit.select.region import lift, within_silhouette
 
 SIZE = 48
 

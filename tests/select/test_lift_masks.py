@@ -8,8 +8,8 @@ from bench.staged import stage
 from torch.nn.functional import avg_pool2d, max_pool2d
 
 from gsedit.errors import GseditError, UsageError
-from gsedit.select.lift import find_drawn, lift
 from gsedit.select.masked import find_masked, lift_masks
+from gsedit.select.region import find_drawn, lift
 
 SIZE = 96
 

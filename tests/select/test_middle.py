@@ -10,7 +10,8 @@ from splat_tables import random_table
 from gsedit import View
 from gsedit.datasets.cameras_json import write_cameras
 from gsedit.errors import UsageError
-from gsedit.toolkit import InTheMiddle, filter, select
+from gsedit.select.rules import middle
+from gsedit.toolkit import filter, select
 from rasterizer import Camera, look_at
 
 MIDDLE = torch.tensor([1.0, -2.0, 0.5])
@@ -41,13 +42,13 @@ def test_cameras_that_look_in_parallel_have_no_middle(tmp_path):
     path, picture = tmp_path / "cameras.json", torch.zeros(32, 32, 3)
     write_cameras([View(str(i), c, picture) for i, c in enumerate(parallel)], path)
     with pytest.raises(UsageError, match="no common point"):
-        select(random_table(5), InTheMiddle(path))
+        select(random_table(5), middle(0.5, str(path)))
 
 
 def test_what_is_near_that_point_stays(cameras):
     table = random_table(500)
     away = np.linalg.norm(table.means - MIDDLE.numpy(), axis=1)
-    kept = filter(table, InTheMiddle(cameras, within=0.5))
+    kept = filter(table, middle(0.5, str(cameras)))
     near = away <= 0.5 * 4 * np.sqrt(1.16)
     assert 0 < near.sum() < 500
     np.testing.assert_array_equal(kept.means, table.means[near])
@@ -56,9 +57,9 @@ def test_what_is_near_that_point_stays(cameras):
 def test_an_expression_names_it_by_its_cameras(cameras):
     table = random_table(500)
     named = select(table, f"not middle(0.5, '{cameras}')")
-    np.testing.assert_array_equal(named, ~select(table, InTheMiddle(cameras, within=0.5)))
+    np.testing.assert_array_equal(named, ~select(table, middle(0.5, str(cameras))))
 
 
 def test_a_share_must_be_above_zero(cameras):
     with pytest.raises(UsageError, match="above 0"):
-        InTheMiddle(cameras, within=0.0)
+        middle(0.0, str(cameras))

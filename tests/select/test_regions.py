@@ -14,17 +14,20 @@ from research.labelled import statue
 from gsedit import View
 from gsedit.cameras.orbit import circle
 from gsedit.errors import InputError, UsageError
-from gsedit.select.drawn import read_masks
 from gsedit.select.finder import Finder
 from gsedit.select.graph import neighbors, smooth
-from gsedit.select.lift import find_changed, find_drawn, lift, otsu
+from gsedit.select.masked import read_masks
 from gsedit.select.questions import check_region
 from gsedit.select.region import (
     Region,
     composite,
     coverage,
     everything,
+    find_changed,
+    find_drawn,
     in_one_color,
+    lift,
+    otsu,
     read_flags,
     save_region,
     tinted,

@@ -10,8 +10,8 @@ import pytest
 from gsedit.datasets.cameras_json import read_cameras
 from gsedit.errors import InputError, UsageError
 from gsedit.scene.table import SplatTable, gaussians_of
-from gsedit.select import Clusters, Finder, Grown, Shrunk
-from gsedit.select.clusters import cluster_labels
+from gsedit.select import Finder
+from gsedit.select.clusters import cluster, cluster_labels, grow, shrink
 from gsedit.toolkit import select, where
 
 CAMERA = {
@@ -83,17 +83,17 @@ def test_grow_and_shrink_by_a_radius():
     table, inner = at(draw.normal(size=(600, 3))), where("sphere(0, 0, 0, 0.8)")
     inside = inner.mask(table)
     distance = np.linalg.norm(table.means[:, None] - table.means[None], axis=2)
-    grown = Grown(inner, 0.3).mask(table)
+    grown = grow(inner, 0.3).mask(table)
     np.testing.assert_array_equal(grown, (distance[:, inside] <= 0.3).any(1))
-    shrunk = Shrunk(inner, 0.3).mask(table)
+    shrunk = shrink(inner, 0.3).mask(table)
     np.testing.assert_array_equal(shrunk, inside & ~(distance[:, ~inside] <= 0.3).any(1))
     assert shrunk.sum() < inside.sum() < grown.sum()
-    closed = Shrunk(Grown(inner, 0.3), 0.3).mask(table)
-    opened = Grown(Shrunk(inner, 0.3), 0.3).mask(table)
+    closed = shrink(grow(inner, 0.3), 0.3).mask(table)
+    opened = grow(shrink(inner, 0.3), 0.3).mask(table)
     assert closed[inside].all()
     assert not opened[~inside].any()
     # the complement grows as the selection shrinks
-    np.testing.assert_array_equal(select(table, ~Grown(~inner, 0.3)), shrunk)
+    np.testing.assert_array_equal(select(table, ~grow(~inner, 0.3)), shrunk)
 
 
 def test_rows_that_are_not_numbers_are_near_nothing():
@@ -177,4 +177,4 @@ def test_wrong_numbers_are_refused():
         with pytest.raises(UsageError):
             where(text)
     with pytest.raises(UsageError):
-        Clusters(0)
+        cluster(0)
