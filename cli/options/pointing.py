@@ -39,7 +39,7 @@ class AtOptions:
 
     def expression(self) -> str:
         """Return the expression of the places. Raises UsageError for one that is none."""
-        from gsedit.select.short import expression_of_clicks
+        from gsedit.select.where import expression_of_clicks
 
         return expression_of_clicks(self.at or ())
 

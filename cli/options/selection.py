@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -90,7 +89,7 @@ def parse_where(text: str, data: Path | None) -> Selection:
 
 def parse_region(text: str, data: Path | None) -> Selection:
     """Read what `--region` selects in the scene that the verb reads. Raises UsageError."""
-    from gsedit.select.questions import check_region
+    from gsedit.select.where import check_region
 
     return check_region(text, view_functions(data))
 
@@ -101,19 +100,21 @@ def view_functions(data: Path | None) -> dict[str, Callable[..., Selection]]:
     They look through the cameras of `data`, or those beside the current scene; what was found is
     printed. Without an argument `cameras`, `seen` and `middle` need one of the two.
     """
-    from gsedit.select.questions import questions
-    from gsedit.select.rules import LEAST_PIXELS, flags, in_the_middle, seen_in, views_of
+    from gsedit.select.rules import LEAST_PIXELS, flags
+    from gsedit.select.rules import middle as in_the_middle
+    from gsedit.select.rules import seen as seen_in
+    from gsedit.select.where import questions
 
-    scene = current_scene.get()
+    scene = str(current_scene.get() or "")
 
-    def cameras_of(given: str, name: str) -> Path:
-        return Path(given) if given else recorded_cameras(f"{name}()", data)
+    def cameras_of(given: str, name: str) -> str:
+        return given or str(recorded_cameras(f"{name}()", data))
 
     def seen(cameras: str = "", pixels: float = LEAST_PIXELS) -> Selection:
-        return seen_in(partial(views_of, cameras_of(cameras, "seen"), scene), pixels)
+        return seen_in(cameras_of(cameras, "seen"), pixels, scene)
 
     def middle(within: float = 0.5, cameras: str = "") -> Selection:
-        return in_the_middle(partial(views_of, cameras_of(cameras, "middle"), scene), within)
+        return in_the_middle(within, cameras_of(cameras, "middle"), scene)
 
     asked = questions(finder_in(data), lambda found: print_message(f"region: {found}"))
     # flags: of rows as the file has them, without a look

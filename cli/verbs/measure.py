@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gsedit.errors import UsageError
-from gsedit.select.short import place_of
 
 from ..core.command import option, shows
 from ..core.console import print_message, print_result
@@ -61,6 +60,8 @@ def measure(
     Two points: their distance. Three and more: the area of the polygon. The interval joins
     the size of a pixel, and how far other views disagree about the place.
     """
+    from gsedit.select.where import place_of
+
     points = own.at or []
     if bool(points) == (own.region is not None):
         raise UsageError("name points with --at, or a selection with --region")
@@ -85,6 +86,7 @@ def point(text: str, gaussians: Gaussians, views: Sequence[Viewpoint]) -> Surfac
     import numpy as np
 
     from gsedit.select.finder import click_on
+    from gsedit.select.where import place_of
     from gsedit.surveying.points import SurfacePoint, point_at
 
     if COORDINATES.fullmatch(text):

@@ -258,7 +258,7 @@ def drawn_masks(folder: Path | None, views: ViewList) -> dict[int, Tensor]:
 
 def known(region: str) -> str:
     """Return a region to measure with. Raises UsageError for one that has to be looked for."""
-    from gsedit.select.questions import check_region
+    from gsedit.select.where import check_region
 
     if check_region(region).question is not None and not region.lower().endswith(".npy"):
         raise UsageError(
@@ -273,8 +273,11 @@ def regions_of(
 ) -> tuple[Region | None, Region | None]:
     """The region that is named, else an edit's: before, and after where it moved objects; then one
     of them may be empty."""
+    import torch
+
+    from gsedit.formats.flags import read_flags
     from gsedit.select.finder import Finder
-    from gsedit.select.region import Region, read_flags
+    from gsedit.select.region import Region
 
     before, after = against.region, against.edited_region
     if unedited is None and named is not None:
@@ -284,7 +287,9 @@ def regions_of(
     if named is not None or before is None or after is None:
         return Finder(unedited).select(known(named or str(before))), None
     pairs = ((before, unedited), (after, edited))
-    one, other = (Region(read_flags(file, len(scene)), str(file)) for file, scene in pairs)
+    one, other = (
+        Region(torch.from_numpy(read_flags(file, len(scene))), str(file)) for file, scene in pairs
+    )
     return one, other
 
 

@@ -11,9 +11,8 @@ from torch import Tensor
 from gsedit.errors import UsageError
 from gsedit.scene.table import table_of
 from gsedit.select.click import SMALLEST, Click, Selector, at_one_place
-from gsedit.select.clusters import grow, shrink
 from gsedit.select.region import Region
-from gsedit.select.rules import given
+from gsedit.select.rules import given, grow, shrink
 from rasterizer.scene import Gaussians
 
 BRIM = 0.01

@@ -23,7 +23,8 @@ from gsedit.datasets.undistort import Lens, undistort, undistortion
 from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.errors import GseditError, InputError, UsageError
 from gsedit.formats.pictures import open_picture
-from gsedit.select.graph import Neighbors, neighbors, parts
+from gsedit.scene.neighbors import linked
+from gsedit.select.layers import numbered
 from gsedit.select.region import (
     MIN_SEEN_PIXELS,
     Lifted,
@@ -33,6 +34,7 @@ from gsedit.select.region import (
     smoothed,
     within_silhouette,
 )
+from gsedit.select.surfaces import Neighbors, neighbors
 from gsedit.storage.inputs import existing_file
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
@@ -99,12 +101,13 @@ def find_masked(
     looked = _views(scene, cameras, execution)
     pictures = [render(scene, each, execution=execution).color.clamp(0, 1) for each in looked]
     made = list(provider.masks(pictures, phrase))
-    if len(made) != len(looked):
+    sizes = [tuple(mask.shape) for mask in made], [(c.height, c.width) for c in looked]
+    if sizes[0] != sizes[1] or not all(mask.isfinite().all() for mask in made):
         raise GseditError(
-            f"the masks {provider.name!r} gave {len(made)} maps for {len(looked)} pictures: "
-            "ask their authors"
+            f"the masks {provider.name!r} gave {len(made)} maps for {len(looked)} pictures, one of "
+            "another size, or one with NaN: ask their authors"
         )
-    masks = [_checked(mask, each, provider) for mask, each in zip(made, looked)]
+    masks = [mask.float().clamp(0, 1) for mask in made]
     inside = lift_masks(scene, looked, masks, execution)
     best = max((float(mask.max()) for mask in masks), default=0.0)
     if best < LEAST_SURE or not inside.any():
@@ -147,7 +150,9 @@ def _alike(
     inside: Bool[Tensor, " n"], values: Float[Tensor, " n"], lifted: Lifted, graph: Neighbors
 ) -> Bool[Tensor, " n"]:
     """The connected parts about whose values the views agree as about the largest one's."""
-    number = parts(inside, graph) + 1
+    among, (first, second) = inside.numpy(), graph.affinity.nonzero()
+    pairs = np.stack((first, second), 1)[among[first] & among[second]].astype(np.int64)
+    number = torch.from_numpy(numbered(linked(pairs, len(inside)), among) + 1)
     weight, total = (
         torch.zeros(int(number.max()) + 1).index_add_(0, number, each.float())
         for each in (lifted.weight, lifted.weight * values)
@@ -164,16 +169,6 @@ def _views(scene: Gaussians, cameras: Sequence[Camera], execution: Execution) ->
     cameras = cameras_of(scene, cameras, MOST_VIEWS, VIEW_PIXELS, execution)
     chosen = [cameras[i] for i in evenly_spaced(len(cameras), MOST_VIEWS)]
     return [c if max(c.width, c.height) <= VIEW_PIXELS else c.fitted(VIEW_PIXELS) for c in chosen]
-
-
-def _checked(mask: Tensor, camera: Camera, provider: MaskProvider) -> Float[Tensor, "h w"]:
-    """The mask in [0, 1]. Raises GseditError."""
-    if tuple(mask.shape) != (camera.height, camera.width) or not mask.isfinite().all():
-        raise GseditError(
-            f"the masks {provider.name!r} gave a map of {tuple(mask.shape)} for a picture of "
-            f"{camera.width}x{camera.height}, or one with NaN: ask their authors"
-        )
-    return mask.float().clamp(0, 1)
 
 
 def read_masks(path: Path, views: Sequence[View | Viewpoint]) -> dict[int, Float[Tensor, "h w"]]:

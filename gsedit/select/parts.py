@@ -23,8 +23,7 @@ from scipy.sparse.linalg import spsolve
 from scipy.spatial import KDTree
 
 from gsedit.scene.neighbors import k_nearest, linked
-from gsedit.select.layers import HULL_MARGIN, SEEN, level_patches
-from gsedit.select.stacks import GOES_ON, crossing, flush
+from gsedit.select.layers import GOES_ON, HULL_MARGIN, SEEN, crossing, flush, level_patches
 from gsedit.select.surfaces import Surfaces
 
 LEVELS = 4

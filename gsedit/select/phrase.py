@@ -53,7 +53,6 @@ SAYABLE = (
     "say a color, size or place, as in 'the red one', 'the largest', 'second from the left', "
     "'left of the red one', 'the ground' or 'the background'"
 )
-
 Subject = Callable[[], Bool[Tensor, " n"] | None]
 """A map to the flags of the main subject, which is called where a phrase needs it; None: none."""
 
@@ -256,11 +255,10 @@ def find_phrase(
 
 def carrier(segments: Segments) -> Region | None:
     """The thing that most other things stand on, as a table; None where none is stood on."""
-    rows = {row.number: row for row in segments.objects}
-    carried = Counter(row.stands_on for row in rows.values() if row.stands_on in rows)
+    carried = segments.carried
     if not carried:
         return None
-    most = max(carried, key=lambda number: (carried[number], rows[number].size))
+    most = max(carried, key=lambda number: (carried[number], segments.rows[number].size))
     return Region(segments.inside(most), f"what carries {carried[most]} things")
 
 
@@ -271,7 +269,7 @@ class _Finder:
         self.phrase, self.segments, self.subject = phrase, segments, subject
         self.white = white_of(segments)
         self.names = names(segments)
-        self.notes: list[str] = []
+        self.notes: dict[str, None] = {}
 
     def told(self, numbers: Sequence[int]) -> str:
         """Segments by their short names."""
@@ -293,19 +291,16 @@ class _Finder:
     def find(self, query: Query) -> list[Segment]:
         """The segments of a query. Raises UsageError."""
         if query.unknown and not query.bare:
-            self._note(
+            self.notes.setdefault(
                 f"what a {' '.join(query.unknown)} is cannot be known without a network (--masks); "
                 "found by the other words"
             )
         if query.kind == "everything":
             return self._everything(query)
-        if query.kind == "background":
-            kinds = ("background", "sky") if self._kind("background", "sky") else ("wall",)
-            rows = self._kind(*kinds)
-        elif query.kind in ("ground", "sky", "wall"):
-            rows = self._kind(query.kind)
-        else:
-            rows = self._kind("object")
+        kind = "object" if query.kind == "subject" else query.kind
+        rows = self._kind(kind)
+        if kind == "background":
+            rows = self._kind("background", "sky") or self._kind("wall")
         if not rows:
             raise self._refusal(f"the scene has no {query.kind}")
         if query.bare and not query.plural and not query.place:
@@ -342,7 +337,8 @@ class _Finder:
             except UsageError:
                 if not query.colors or not any(each.bare and each.unknown for each in ends):
                     raise
-                self._note(f"'{_SAID[relation]} ...' names nothing known, and is left out")
+                note = f"'{_SAID[relation]} ...' names nothing known, and is left out"
+                self.notes.setdefault(note)
         if query.size:
             rows = self._sized(query, rows)
         if query.order is not None:
@@ -388,8 +384,7 @@ class _Finder:
     def _no_furniture(self, query: Query, rows: list[Segment]) -> list[Segment]:
         """The rows without what carries several things, where a noun that is not known is said:
         "the big ball" is not the table."""
-        carried = [row.stands_on for row in self._kind("object")]
-        kept = [row for row in rows if carried.count(row.number) < 2]
+        kept = [row for row in rows if self.segments.carried[row.number] < 2]
         return kept if kept and query.unknown else rows
 
     def _placed(self, query: Query, order: str, rows: list[Segment]) -> list[Segment]:
@@ -407,7 +402,8 @@ class _Finder:
         if not 0 <= place < len(rows):
             raise self._refusal(f"only {len(rows)} are like that", rows)
         if query.plural and query.place == 0 and order in SIDED:
-            return self._halved(rows, order)
+            half = np.median([key(row) for row in self._kind("object")])
+            return [row for row in rows if key(row) > half] or rows[:1]
         beside = [rows[i] for i in (place - 1, place + 1) if 0 <= i < len(rows)]
         here = rows[place]
         if order not in ("size", "height", "middle") and any(
@@ -415,12 +411,6 @@ class _Finder:
         ):
             raise self._refusal("they are beside each other in that order", [here, *beside])
         return [here]
-
-    def _halved(self, rows: list[Segment], order: str) -> list[Segment]:
-        """The things on one side of the middle of all."""
-        key = _KEYS[order]
-        middle = np.median([key(row) for row in self._kind("object")])
-        return [row for row in rows if key(row) > middle] or rows[:1]
 
     def _related(
         self, relation: str, ends: Sequence[Query], rows: list[Segment], query: Query
@@ -465,13 +455,10 @@ class _Finder:
     def _reference(self, query: Query, relation: str) -> list[Segment]:
         """The thing that a relation is to; what carries things is meant by "on the table"."""
         if relation == "on" and query.bare and query.kind == "object":
-            carried = [row.stands_on for row in self._kind("object")]
-            carriers = [row for row in self._kind("object") if row.number in carried]
-            carriers.sort(key=lambda row: -carried.count(row.number))
-            most = [carried.count(row.number) for row in carriers[:2]]
-            if most and (len(most) == 1 or most[0] > most[1]):
-                self._note(f"taken for what carries things: {self.told([carriers[0].number])}")
-                return carriers[:1]
+            (one, most), (_, other), *_ = [*self.segments.carried.most_common(2), (0, 0), (0, 0)]
+            if most > other:
+                self.notes.setdefault(f"taken for what carries things: {self.told([one])}")
+                return [self.segments.rows[one]]
         return self.find(query)
 
     def _main(self, query: Query) -> list[Segment]:
@@ -480,36 +467,26 @@ class _Finder:
         noun = " ".join(query.unknown)
         if noun and THINGS & set(tokens(self.phrase)):
             raise self._refusal(f"what is meant by '{noun}' is not known")
-        if len(rows) == 1:
-            chosen = rows[0]
-        else:
-            flags = None if self.subject is None else self.subject()
-            chosen = None if flags is None else self._covered(rows, flags)
+        chosen, most = rows[0] if len(rows) == 1 else None, OVERLAP
+        flags = None if chosen or self.subject is None else self.subject()
+        for row in () if flags is None else rows:
+            own = self.segments.inside(row.number)
+            overlap = float((own & flags).sum() / (own | flags).sum().clamp_min(1))
+            if overlap > most:
+                chosen, most = row, overlap
         if chosen is None:
             why = f"what a {noun} is cannot be known without a network (--masks)" if noun else ""
             raise self._refusal(why or "several things are there", rows)
         if noun:
-            self._note(f"'{noun}' was taken for the main subject")
+            self.notes.setdefault(f"'{noun}' was taken for the main subject")
         return self._left_out([chosen], query)
-
-    def _covered(self, rows: list[Segment], flags: Bool[Tensor, " n"]) -> Segment | None:
-        """The object that the subject's flags overlap most, if they do."""
-        overlap = {}
-        for row in rows:
-            own = self.segments.inside(row.number)
-            overlap[row.number] = float((own & flags).sum() / (own | flags).sum().clamp_min(1))
-        best = max(rows, key=lambda row: overlap[row.number])
-        return best if overlap[best.number] > OVERLAP else None
 
     def _kind(self, *kinds: str) -> list[Segment]:
         return [row for row in self.segments.rows if row.kind in kinds]
 
-    def _note(self, note: str) -> None:
-        if note not in self.notes:
-            self.notes.append(note)
-
     def _seen_from(self) -> None:
-        self._note(f"left, right, front and back as view {self.segments.view + 1} sees them")
+        view = self.segments.view + 1
+        self.notes.setdefault(f"left, right, front and back as view {view} sees them")
 
     def _refusal(self, why: str, among: Sequence[Segment] = ()) -> UsageError:
         """The error for a phrase, with what there is."""
@@ -532,10 +509,8 @@ _KEYS: dict[str, Callable[[Segment], float]] = {
     "bottom": lambda row: -row.low[2],
     "middle": lambda row: -abs(row.middle[0]),
 }
-_SAID: dict[str, str] = {
-    "left": "left of", "right": "right of", "front": "in front of", "back": "behind", "on": "on",
-    "under": "under", "above": "above", "beside": "beside", "between": "between",
-}  # fmt: skip
+_SAID = {relation: phrase for phrase, relation in reversed(RELATIONS.items())}
+"""Words for each relation, the first of its row."""
 
 
 def _towards(relation: str, row: Segment, other: Segment) -> bool:
@@ -630,19 +605,18 @@ def of_color(rows: list[Segment], color: str, white: float) -> list[Segment]:
     return sorted(alike, key=lambda row: -scores[row.number])
 
 
-def color_name(segment: Segment, white: float) -> str:
-    """The plain color that a segment is most of."""
-    scores = {name: likeness(segment, color_of(name) or "", white) for name in BASIC}
-    return max(BASIC, key=lambda name: scores[name] * (1 if name in GREYS else CLEARER))
-
-
 def names(segments: Segments) -> tuple[str, ...]:
     """A short name for each segment: "large red", "small red", "ground", "gray wall".
 
     Objects of one color are told apart by size where it differs clearly, else by numbers.
     """
-    white = white_of(segments)
-    colors = {row.number: color_name(row, white) for row in segments.rows}
+    white, colors = white_of(segments), dict[int, str]()
+    for row in segments.rows:
+        scores = {
+            name: likeness(row, color_of(name) or "", white) * (1 if name in GREYS else CLEARER)
+            for name in BASIC
+        }
+        colors[row.number] = max(BASIC, key=lambda name: scores[name])
     told = {row.number: row.kind for row in segments.rows} | {
         row.number: colors[row.number] + (" wall" if row.kind == "wall" else "")
         for row in segments.rows

@@ -16,8 +16,8 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from gsedit.datasets.dataset import evenly_spaced
-from gsedit.formats import flags
-from gsedit.select.graph import Neighbors, neighbors, smooth
+from gsedit.formats.flags import write_flags
+from gsedit.select.surfaces import Neighbors, neighbors, smooth
 from rasterizer.camera import Camera
 from rasterizer.color_weights import color_weights
 from rasterizer.numerics import AUTO, Execution, color_to_sh
@@ -74,15 +74,6 @@ def in_one_color(scene: Gaussians, values: Bool[Tensor, " n"] | Float[Tensor, " 
     return replace(scene, sh=grey[:, None, None].expand(-1, 1, 3))
 
 
-def composite(
-    edited: Float[Tensor, "h w 3"],
-    unedited: Float[Tensor, "h w 3"],
-    covered: Float[Tensor, "h w"],
-) -> Float[Tensor, "h w 3"]:
-    """The edited picture inside the region, the unedited one outside, mixed by `covered`."""
-    return torch.lerp(unedited, edited, covered[..., None].to(edited))
-
-
 def tinted(scene: Gaussians, region: Region) -> Gaussians:
     """The scene with the Gaussians inside the region tinted, for a person to look at."""
     tint = color_to_sh(torch.tensor(TINT)).to(scene.sh)
@@ -94,18 +85,7 @@ def tinted(scene: Gaussians, region: Region) -> Gaussians:
 
 def save_region(region: Region, path: Path | str, *, overwrite: bool = False) -> None:
     """Write one flag a Gaussian, in the order of the scene's file: a .npy file of booleans."""
-    flags.write_flags(region.inside.cpu().numpy(), path, overwrite=overwrite)
-
-
-def read_flags(path: Path, count: int) -> Bool[Tensor, " n"]:
-    """The flags of a .npy file, booleans or numbers (0: outside) for `count` Gaussians.
-
-    Raises InputError for a file that is missing, damaged, or of another number of Gaussians.
-    """
-    return torch.from_numpy(flags.read_flags(path, count))
-
-
-# ---- from values in pictures --------------------------------------------------------------------
+    write_flags(region.inside.cpu().numpy(), path, overwrite=overwrite)
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,33 +160,10 @@ SMOOTHING_WEIGHT = 10.0
 """Weight of a neighbor's value against a Gaussian's own, where all views see it well."""
 MIN_SEEN_PIXELS = 1e-3
 """Pixels, in all views together: what contributes less is not seen."""
-MAX_OUTSIDE_SHARE = 0.25
-"""Largest change outside, as a share of that inside: editors change surroundings a little."""
 BINS = 256
 """Bins of the histogram of values in [0, 1] that a threshold is found in."""
 MIN_MASK_MEAN = 0.5
 """Least mean of masks inside: they are drawn by a person, so there is nothing to find out."""
-
-
-def find_changed(scene: Gaussians, lifted: Lifted) -> Bool[Tensor, " n"] | None:
-    """Find the Gaussians that an edit changes, from the lifted size of the change.
-
-    None where that is everything: outside, the change must be at most `MAX_OUTSIDE_SHARE` of that
-    inside.
-    """
-    graph = neighbors(scene)
-    scale = (
-        float(lifted.mean[lifted.weight > MIN_SEEN_PIXELS].quantile(0.95)) if len(scene) else 0.0
-    )
-    if scale <= 0:
-        return None
-    values = smoothed(replace(lifted, mean=lifted.mean / scale), graph)
-    inside = values > otsu(values, lifted.weight)
-    means = [
-        float((lifted.weight * values)[part].sum() / lifted.weight[part].sum().clamp_min(1e-9))
-        for part in (inside, ~inside)
-    ]
-    return inside if means[1] < MAX_OUTSIDE_SHARE * means[0] else None
 
 
 def find_drawn(scene: Gaussians, lifted: Lifted) -> Bool[Tensor, " n"]:

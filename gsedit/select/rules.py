@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass, replace
 from difflib import get_close_matches
 from functools import lru_cache
+from itertools import product
 from math import ceil, inf, isfinite, isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,7 +23,8 @@ from gsedit.errors import GseditError, InputError, UsageError
 from gsedit.formats.flags import read_flags
 from gsedit.runs.environment import load_extra
 from gsedit.scene.color_space import lab_of_srgb, srgb_of_hex
-from gsedit.scene.shapes import Bool, Float32
+from gsedit.scene.neighbors import k_nearest, linked
+from gsedit.scene.shapes import Bool, Float32, Float64, Int
 from gsedit.scene.table import SplatTable, gaussians_of
 from gsedit.scene.volumes import inside_ball, inside_box, squared_norm
 from gsedit.storage.inputs import existing_file
@@ -91,11 +93,6 @@ def saved_flags(asked: object) -> Iterator[Path]:
     elif is_dataclass(asked) and not isinstance(asked, type):
         for field in fields(asked):
             yield from saved_flags(getattr(asked, field.name))
-
-
-def everything() -> Selection:
-    """Select every Gaussian of the scene."""
-    return EVERYTHING
 
 
 EVERYTHING = Selection(lambda table: np.ones(len(table), bool))
@@ -304,10 +301,8 @@ def oriented_box(
     rx: float = 0.0, ry: float = 0.0, rz: float = 0.0,
 ) -> Selection:  # fmt: skip
     """About x,y,z, with sides of lengths a, b and c, turned by rx,ry,rz degrees."""
-    check_finite("oriented_box", x, y, z, rx, ry, rz)
-    check_positive("oriented_box", "side", a, b, c)
-    half = np.array((a, b, c), np.float32) / 2
-    return _within(lambda p: np.all(np.abs(_along(p, (x, y, z), (rx, ry, rz))) <= half, axis=1))
+    place = _placed("oriented_box", "side", (x, y, z), (a, b, c), (rx, ry, rz))
+    return _within(lambda points: (np.abs(place(points)) <= 0.5).all(1))
 
 
 def ellipsoid(
@@ -315,10 +310,8 @@ def ellipsoid(
     rx: float = 0.0, ry: float = 0.0, rz: float = 0.0,
 ) -> Selection:  # fmt: skip
     """About x,y,z, with radii a, b and c, turned by rx,ry,rz degrees."""
-    check_finite("ellipsoid", x, y, z, rx, ry, rz)
-    check_positive("ellipsoid", "radius", a, b, c)
-    radii = np.array((a, b, c), np.float32)
-    return _within(lambda p: squared_norm(_along(p, (x, y, z), (rx, ry, rz)) / radii) <= 1)
+    place = _placed("ellipsoid", "radius", (x, y, z), (a, b, c), (rx, ry, rz))
+    return _within(lambda points: squared_norm(place(points)) <= 1)
 
 
 def sphere(x: float, y: float, z: float, radius: float) -> Selection:
@@ -372,15 +365,23 @@ def check_positive(form: str, what: str, *numbers: float) -> None:
             raise UsageError(f"{form}: {what} {number:g}: it must be more than 0, and finite")
 
 
-def _along(points: Points, center: Vector, degrees: Vector) -> Points:
-    """Positions in the frame of a volume that is turned by `degrees`."""
-    offset = points - np.array(center, np.float32)
-    if not any(degrees):
-        return offset
-    from gsedit.scene.quaternions import axis_rotation  # which imports jaxtyping
+def _placed(
+    form: str, what: str, center: Vector, sizes: Vector, degrees: Vector
+) -> Callable[[Points], Points]:
+    """A map to positions in the frame of a volume that is turned by `degrees`, in its sizes."""
+    check_finite(form, *center, *degrees)
+    check_positive(form, what, *sizes)
 
-    x, y, z = (axis_rotation(axis, angle) for axis, angle in zip(np.eye(3), degrees))
-    return offset @ (z @ y @ x).astype(np.float32)
+    def place(points: Points) -> Points:
+        offset = points - np.array(center, np.float32)
+        if any(degrees):
+            from gsedit.scene.quaternions import axis_rotation  # which imports jaxtyping
+
+            x, y, z = (axis_rotation(axis, angle) for axis, angle in zip(np.eye(3), degrees))
+            offset = offset @ (z @ y @ x).astype(np.float32)
+        return offset / np.array(sizes, np.float32)
+
+    return place
 
 
 RAYS = 3
@@ -443,37 +444,31 @@ LEAST_PIXELS = 0.01
 CAMERAS = 64
 """Largest number of cameras; of more, every k-th is taken: each costs a render and its backward
 pass."""
-Views = Callable[[], "Sequence[View | Viewpoint]"]
 
 
-def views_of(cameras: Path, scene: Path | None = None) -> Sequence[View | Viewpoint]:
+def views_of(cameras: str, scene: str) -> Sequence[View | Viewpoint]:
     """The cameras of a cameras.json or of a folder of posed photos, on pictures SIZE_PIXELS wide.
 
     The dataparser_transforms.json beside `scene`, the file that they belong to, tells the frame of
-    an export; None: the frame of the file that is selected from. Raises InputError for no cameras.
+    an export; "": the frame of the file that is selected from. Raises InputError for no cameras.
     """
     from gsedit.datasets.cameras_json import NAME, read_cameras
     from gsedit.datasets.export_frame import in_export_frame
     from gsedit.datasets.load import load_dataset
     from gsedit.datasets.viewpoints import same_size
 
-    path = cameras.expanduser()
+    path = Path(cameras).expanduser()
     if (path / NAME).is_file():
         path = path / NAME
     if path.is_file() and path.name != "transforms.json":
         return same_size(read_cameras(path), SIZE_PIXELS)
     photos = load_dataset(path, size=SIZE_PIXELS)
-    return (photos if scene is None else in_export_frame(photos, path, scene)).views
+    return (in_export_frame(photos, path, Path(scene)) if scene else photos).views
 
 
-def seen(cameras: str, pixels: float = LEAST_PIXELS) -> Selection:
+def seen(cameras: str, pixels: float = LEAST_PIXELS, scene: str = "") -> Selection:
     """Select Gaussians that contribute `pixels` or more to the pictures of a cameras.json or of
-    posed photos."""
-    return seen_in(lambda: views_of(Path(cameras)), pixels)
-
-
-def seen_in(views: Views, pixels: float = LEAST_PIXELS) -> Selection:
-    """Select Gaussians that contribute at least `pixels` to all pictures of a capture together.
+    posed photos, all together.
 
     The contribution to a pixel is the blending weight: what is hidden has none. Pictures are
     `SIZE_PIXELS` pixels wide, of at most `CAMERAS` cameras.
@@ -488,28 +483,23 @@ def seen_in(views: Views, pixels: float = LEAST_PIXELS) -> Selection:
 
         if not len(table):
             return np.zeros(0, bool)
-        every = views()
+        every = views_of(cameras, scene)
         with torch.no_grad():
-            scene = gaussians_of(table)
-            total = torch.zeros(len(scene))
+            gaussians = gaussians_of(table)
+            total = torch.zeros(len(gaussians))
             for view in every[:: -(-len(every) // CAMERAS)]:
-                total += contributions(scene, view.camera)
+                total += contributions(gaussians, view.camera)
         return (total >= pixels).numpy()
 
     return Selection(mask, whole=True)
 
 
-def middle(within: float, cameras: str) -> Selection:
+def middle(within: float, cameras: str, scene: str = "") -> Selection:
     """Gaussians near the point that the cameras of a cameras.json or of posed photos look at.
 
-    `within` is a multiple of the median distance of the cameras from that point.
+    `within` is a multiple of the median distance of the cameras from that point; 1 is about the
+    part that an orbit of cameras encloses.
     """
-    return in_the_middle(lambda: views_of(Path(cameras)), within)
-
-
-def in_the_middle(views: Views, within: float) -> Selection:
-    """Gaussians nearer to the point that the cameras look at than `within` times their median
-    distance from it; 1 is about the part that an orbit of cameras encloses."""
     if not 0 < within < inf:
         raise UsageError(f"within {within:g}: give a number above 0")
 
@@ -518,11 +508,11 @@ def in_the_middle(views: Views, within: float) -> Selection:
 
         from gsedit.cameras.paths import common_point
 
-        cameras = [view.camera for view in views()]
-        middle = common_point(cameras)
+        found = [view.camera for view in views_of(cameras, scene)]
+        middle = common_point(found)
         if middle is None:
             raise UsageError("the cameras look at no common point: use sphere(x, y, z, radius)")
-        centers = torch.stack([camera.center.detach().double() for camera in cameras])
+        centers = torch.stack([camera.center.detach().double() for camera in found])
         distance = np.median((centers - middle).norm(dim=1).numpy())
         away = np.linalg.norm(table.means.astype(np.float64) - middle.numpy(), axis=1)
         return away <= within * distance
@@ -530,15 +520,200 @@ def in_the_middle(views: Views, within: float) -> Selection:
     return Selection(mask, whole=True)
 
 
+# ---- neighbors ----------------------------------------------------------------------------------
+
+TYPICAL = 8.0
+"""A gap, in median distances of a Gaussian to its nearest one, where none is given."""
+SAMPLED_GAUSSIANS = 20_000
+"""Gaussians of which that median is taken."""
+_OFFSETS = [d for d in product(range(-2, 3), repeat=3) if d > (0, 0, 0) and min(map(abs, d)) < 2]
+SHELLS = [[d for d in _OFFSETS if sum(map(abs, d)) == distance] for distance in range(1, 6)]
+"""Half of the cells within two sides, by their distance, without the corners: those are farther
+than `gap`."""
+
+
+def cluster(n: int = 1, gap: float | None = None, of: Selection = EVERYTHING) -> Selection:
+    """The n largest clusters: of centers linked by gaps of at most `gap`, among `of`."""
+    if n < 1:
+        raise UsageError(f"cluster: {n} clusters: give 1 or more")
+    return _clusters(
+        lambda points, labels: np.argsort(-np.bincount(labels), kind="stable")[:n], gap, of
+    )
+
+
+def cluster_at(
+    x: float, y: float, z: float, gap: float | None = None, of: Selection = EVERYTHING
+) -> Selection:
+    """The cluster of the center nearest to x,y,z."""
+    check_finite("cluster", x, y, z)
+    return _clusters(
+        lambda points, labels: labels[[np.linalg.norm(points - (x, y, z), axis=1).argmin()]],
+        gap, of,
+    )  # fmt: skip
+
+
+def _clusters(
+    choose: Callable[[np.ndarray, np.ndarray], np.ndarray], gap: float | None, of: Selection
+) -> Selection:
+    """The clusters among what `of` selects whose numbers are chosen, from points and labels."""
+    if gap is not None:
+        check_positive("cluster", "gap", gap)
+
+    def change(among: Flags, table: SplatTable) -> Flags:
+        rows = np.flatnonzero(among & np.isfinite(table.means).all(1))
+        inside = np.zeros(len(table), bool)
+        if len(rows):
+            points = table.means[rows].astype(np.float64)
+            labels = cluster_labels(points, typical_gap(points) if gap is None else gap)
+            inside[rows[np.isin(labels, choose(points, labels))]] = True
+        return inside
+
+    return _of_whole(of, change)
+
+
+def _of_whole(inner: Selection, change: Callable[[Flags, SplatTable], Flags]) -> Selection:
+    """A selection of the mask of another, that needs all rows at once."""
+    return replace(inner, mask=lambda table: change(inner.mask(table), table), whole=True)
+
+
+def typical_gap(points: Float64[np.ndarray, "n 3"]) -> float:
+    """`TYPICAL` median distances to the nearest other place."""
+    places = np.unique(points, axis=0)
+    if len(places) < 2:
+        return 1.0
+    asked = places[:: -(-len(places) // SAMPLED_GAUSSIANS)]
+    distance, _ = k_nearest(places, asked, 2)
+    return TYPICAL * float(np.median(distance[:, 1]))
+
+
+def cluster_labels(points: Float64[np.ndarray, "n 3"], gap: float) -> Int[np.ndarray, " n"]:
+    """The number of each point's cluster, from 0."""
+    keys, weights = _cells(points, gap / np.sqrt(3) * (1 - 1e-9))
+    order = np.argsort(keys, kind="stable")
+    cells, first, counts = np.unique(keys[order], return_index=True, return_counts=True)
+    sample = points[order[first]]
+    labels, untested = np.arange(len(cells)), [np.zeros((0, 2), np.int64)]
+    for offsets in SHELLS:
+        found = [_neighbors(cells, int(np.array(offset) @ weights)) for offset in offsets]
+        pairs = np.concatenate(found)
+        pairs = pairs[labels[pairs[:, 0]] != labels[pairs[:, 1]]]
+        near = np.linalg.norm(sample[pairs[:, 0]] - sample[pairs[:, 1]], axis=1) <= gap
+        labels = _joined(labels, pairs[near])
+        # two centers of the cells may be nearer than those that were compared
+        untested.append(pairs[~near & (counts[pairs].max(1) > 1)])
+    rest = np.concatenate(untested)
+    rest = rest[labels[rest[:, 0]] != labels[rest[:, 1]]]
+    labels = _joined(labels, rest[_touch(points[order], first, counts, rest, gap)])
+    result = np.empty(len(points), np.int64)
+    result[order] = np.repeat(labels, counts)
+    return result
+
+
+def _cells(
+    points: Float64[np.ndarray, "n 3"], side: float
+) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, "3"]]:
+    """A number for the cell of each point, and what one cell along each axis adds to it.
+
+    Empty layers are left out: three or more between two occupied ones become three, so that a wide
+    scene has small numbers. Beyond 64 bits the numbers wrap round, and two cells share one by a
+    chance of less than one in a million.
+    """
+    layers = np.empty(points.shape, np.int64)
+    for axis in range(3):
+        position = np.floor(points[:, axis] / side)
+        occupied, index = np.unique(position, return_inverse=True)
+        steps = np.minimum(np.diff(occupied), 3.0).astype(np.int64)
+        layers[:, axis] = np.concatenate([[0], np.cumsum(steps)])[index.reshape(-1)] + 2
+    extents = layers.max(0) + 3
+    with np.errstate(over="ignore"):
+        weights = np.array([extents[1] * extents[2], extents[2], 1], np.int64)
+        return layers @ weights, weights
+
+
+def _neighbors(cells: Int[np.ndarray, " c"], step: int) -> Int[np.ndarray, "p 2"]:
+    """Pairs of occupied cells whose numbers, sorted, are `step` apart."""
+    wanted = cells + np.int64(step)
+    at = np.minimum(np.searchsorted(cells, wanted), len(cells) - 1)
+    hit = np.flatnonzero(cells[at] == wanted)
+    return np.stack([hit, at[hit]], 1)
+
+
+def _touch(
+    points: Float64[np.ndarray, "n 3"],
+    first: np.ndarray,
+    counts: np.ndarray,
+    pairs: np.ndarray,
+    gap: float,
+) -> Bool[np.ndarray, " p"]:
+    """Whether two points of a pair of cells are at most `gap` apart; points in order of cells.
+
+    All pairs in one k-d tree: each has a place of its own along a fourth axis.
+    """
+    if not len(pairs):
+        return np.zeros(0, bool)
+    origin = points[first[pairs[:, 0]]]
+
+    def placed(side: int) -> tuple[np.ndarray, np.ndarray]:
+        many = counts[pairs[:, side]]
+        pair = np.repeat(np.arange(len(pairs)), many)
+        start = np.cumsum(many) - many
+        row = np.arange(len(pair)) - start[pair] + first[pairs[pair, side]]
+        apart = (points[row] - origin[pair]) / gap
+        return np.column_stack([apart, 16.0 * pair]), pair
+
+    tree, _ = placed(1)
+    asked, pair = placed(0)
+    distance, _ = k_nearest(tree, asked, 1, bound=1 + 1e-12)
+    return np.bincount(pair[np.isfinite(distance[:, 0])], minlength=len(pairs)) > 0
+
+
+def _joined(labels: Int[np.ndarray, " c"], pairs: Int[np.ndarray, "p 2"]) -> Int[np.ndarray, " c"]:
+    """Labels from 0 of which those of a pair's two cells are one."""
+    return linked(labels[pairs], int(labels.max()) + 1)[labels]
+
+
+def grow(selection: Selection, radius: float) -> Selection:
+    """A selection, and what is at most `radius` from it."""
+    check_positive("grow", "radius", radius)
+    return _of_whole(selection, lambda inside, table: inside | _beside(table.means, inside, radius))
+
+
+def shrink(selection: Selection, radius: float) -> Selection:
+    """A selection, without what is at most `radius` from the rest."""
+    check_positive("shrink", "radius", radius)
+    return _of_whole(
+        selection, lambda inside, table: inside & ~_beside(table.means, ~inside, radius)
+    )
+
+
+def _beside(
+    means: Float32[np.ndarray, "n 3"], sources: Bool[np.ndarray, " n"], radius: float
+) -> Bool[np.ndarray, " n"]:
+    """Whether a row is no source, and at most `radius` from one."""
+    usable = np.isfinite(means).all(1)
+    found = np.zeros(len(means), bool)
+    given, asked = usable & sources, np.flatnonzero(usable & ~sources)
+    if not given.any() or not len(asked):
+        return found
+    points = means[asked]
+    # far points are cheap to leave out, and most are far
+    low, high = means[given].min(0) - radius, means[given].max(0) + radius
+    near = ((points >= low) & (points <= high)).all(1)
+    # query asks for distances below its bound: the next number includes the bound itself
+    distance, _ = k_nearest(means[given], points[near], 1, bound=np.nextafter(radius, np.inf))
+    found[asked[near]] = np.isfinite(distance[:, 0])
+    return found
+
+
 FORMS: dict[str, Callable[..., Selection]] = {
     **{
         form.__name__: form
         for form in (
             *(box, oriented_box, sphere, ellipsoid, cylinder, half_space, near, flags),
-            *(largest, smallest, inside, seen, middle),
+            *(largest, smallest, inside, seen, middle, cluster, cluster_at, grow, shrink),
         )
     },
-    "all": everything,
+    "all": lambda: EVERYTHING,
 }
 """Selections by their names in expressions."""
 VALUES: dict[str, Callable[..., Value]] = {

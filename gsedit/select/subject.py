@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 from scipy.spatial import ConvexHull, QhullError
 from torch import Tensor
 
@@ -71,11 +71,6 @@ class _Looked:
     segments: Segments
     """Segments of the surfaces, which are groups of a large scene."""
 
-    @property
-    def labels(self) -> Int[Tensor, " n"]:
-        """Number of the segment of each Gaussian of the scene."""
-        return self.surfaces.expanded(self.segments.labels)
-
 
 def find_subject(
     scene: Gaussians,
@@ -126,10 +121,13 @@ def _standing_out(looked: _Looked, *, with_carrier: bool) -> tuple[Bool[Tensor, 
     """The Gaussians that stand out, and how they were found; None where nothing does."""
     mean, weight = looked.lifted.mean, looked.lifted.weight
     sure = mean > SURE
-    votes = _votes(looked)
+    count, labels = len(looked.segments.rows), looked.surfaces.expanded(looked.segments.labels)
+    total = torch.bincount(labels, weight.double(), minlength=count).clamp_min(1e-9)
+    means = (torch.bincount(labels, (weight * mean).double(), minlength=count) / total).tolist()
+    votes = {row.number: means[row.number] for row in looked.segments.objects}
     best = max(votes.values(), default=0.0)
     chosen = [i for i, vote in votes.items() if vote >= max(LEAST_VOTE, OF_BEST * best)]
-    inside = torch.isin(looked.labels, torch.tensor(chosen, dtype=torch.long))
+    inside = torch.isin(labels, torch.tensor(chosen, dtype=torch.long))
     held = float(weight[sure & inside].sum() / weight[sure].sum().clamp_min(1e-9))
     if chosen and (held >= COVERED or not sure.any()):
         rows = looked.segments.rows
@@ -137,32 +135,14 @@ def _standing_out(looked: _Looked, *, with_carrier: bool) -> tuple[Bool[Tensor, 
             under = {rows[i].stands_on for i in chosen}
             chosen += [row.number for row in looked.segments.objects if row.number in under]
         else:
-            chosen = _without_carriers(looked.segments, chosen)
+            on = [row for row in map(rows.__getitem__, chosen) if row.stands_on in chosen]
+            apart = {r.stands_on for r in on if r.pixels >= CARRIED * rows[r.stands_on].pixels}
+            chosen = [i for i in chosen if i not in apart]
         return _outlined(looked, chosen, with_carrier=with_carrier), "auto: the subject"
     if float(weight[sure].sum()) < LEAST_PIXELS * float(weight.sum()):
         return None, ""
     top = float(weighted_quantile(mean[sure][:, None].double(), weight[sure].double(), TOP))
     return mean > LIFTED_SHARE * top, "auto: what stands out in pictures"
-
-
-def _votes(looked: _Looked) -> dict[int, float]:
-    """The mean saliency of each object, by its number."""
-    mean, weight, labels = looked.lifted.mean, looked.lifted.weight, looked.labels
-    count = len(looked.segments.rows)
-    total = torch.bincount(labels, weight.double(), minlength=count).clamp_min(1e-9)
-    votes = torch.bincount(labels, (weight * mean).double(), minlength=count) / total
-    return {row.number: float(votes[row.number]) for row in looked.segments.objects}
-
-
-def _without_carriers(segments: Segments, chosen: Sequence[int]) -> list[int]:
-    """The chosen segments without those that a larger one of them stands on."""
-    rows = [segments.rows[i] for i in chosen]
-    carriers = {
-        row.stands_on
-        for row in rows
-        if row.stands_on in chosen and row.pixels >= CARRIED * segments.rows[row.stands_on].pixels
-    }
-    return [i for i in chosen if i not in carriers]
 
 
 def _outlined(looked: _Looked, chosen: Sequence[int], *, with_carrier: bool) -> Bool[Tensor, " n"]:
@@ -209,8 +189,6 @@ def border_opacity(alphas: Sequence[Float[Tensor, "h w"]]) -> float:
     sides = [side for a in alphas for side in (a[0], a[-1], a[:, 0], a[:, -1])]
     return float(torch.cat(sides).mean())
 
-
-# ---- blocks that things stand on, where both are one segment: rocks of the thing's own color -----
 
 SLICES = 24
 """Level slices of a thing."""

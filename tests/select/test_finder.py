@@ -14,9 +14,9 @@ from gsedit.cameras.orbit import circle
 from gsedit.datasets.undistort import Lens, undistort, undistortion
 from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.editing.rivals import SeveralObjects, check_alone
+from gsedit.select.finder import LEAST, remembered
 from gsedit.select.masked import read_masks
 from gsedit.select.region import Region
-from gsedit.select.remembered import LEAST, remembered
 from gsedit.select.segment import Segment, Segments
 
 UP = torch.tensor([0.0, 0.0, 1.0], dtype=torch.float64)

@@ -11,7 +11,7 @@ from gsedit.datasets.cameras_json import read_cameras
 from gsedit.errors import InputError, UsageError
 from gsedit.scene.table import SplatTable, gaussians_of
 from gsedit.select import Finder
-from gsedit.select.clusters import cluster, cluster_labels, grow, shrink
+from gsedit.select.rules import cluster, cluster_labels, grow, shrink
 from gsedit.toolkit import select, where
 
 CAMERA = {

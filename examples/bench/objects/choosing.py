@@ -15,8 +15,7 @@ from torch import Tensor
 
 from bench.staged import Labelled, Stage
 from gsedit.scene.color_space import lab_of_srgb
-from gsedit.select.click import Click
-from gsedit.select.click import select_at as by_clicks
+from gsedit.select.click import Click, Selector
 from gsedit.select.phrase import find_phrase
 from gsedit.select.region import Region, coverage
 from rasterizer.camera import Camera
@@ -75,7 +74,7 @@ def select_at(
 ) -> Bool[Tensor, " n"]:
     """The selection by gsedit's clicks."""
     asked = [Click(cameras[each.view], each.x, each.y, each.inside) for each in clicks]
-    return by_clicks(scene, asked, cameras).inside
+    return Selector(scene, cameras).at(asked).inside
 
 
 def nearest_color(
