@@ -10,8 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from gsedit.words.instruction import MORE, Change, Instruction
-from gsedit.words.said import sentence_of
+from gsedit.words.instruction import MORE, Change, Instruction, sentence_of
 
 FINISHES = {"paint": ("glossy", "satin", "matte"), "material": ("polished", "satin", "matte")}
 """Words for how rough paint and materials are, from smooth to rough."""

@@ -38,8 +38,7 @@ from gsedit.select.segment import Segment, Segments
 from gsedit.select.subject import find_subject
 from gsedit.select.where import OUTSIDE, expression_of, questions, quoted, where
 from gsedit.storage.atomic import atomic_path
-from gsedit.words.based import BASED
-from gsedit.words.phrases import CARRIERS, IT, PRONOUNS, is_noun
+from gsedit.words.phrases import BASED, CARRIERS, IT, PRONOUNS, is_noun
 from rasterizer.camera import Camera
 from rasterizer.compiled import cache_folder
 from rasterizer.numerics import AUTO, Execution

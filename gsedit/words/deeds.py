@@ -1,4 +1,5 @@
-"""One clause about an object as a change: remove, scale, turn, move, copy, insert. Loads no torch.
+"""One clause about an object as a change: remove, scale, turn, move, copy, insert; and about what
+lies or grows on things. Loads no torch.
 
 Patterns are of a whole clause as `gsedit.words.tokens` spells it: X is an object's phrase, MUCH an
 amount, FAR a distance, AT a place.
@@ -10,13 +11,46 @@ import re
 from collections.abc import Callable, Iterator
 
 from gsedit.words.amounts import amount_of
-from gsedit.words.growing import grown
-from gsedit.words.instruction import Change, Place
+from gsedit.words.instruction import Change, Place, Side
+from gsedit.words.lexicon import things
 from gsedit.words.phrases import IT, object_phrase
-from gsedit.words.places import DISTANCE, distance_of, place_of, side_of
 from gsedit.words.refusals import Refused
 from gsedit.words.scan import scanned
 
+NUMBER = r"[+-]?\d+(?:\.\d+)?|half|one|two|three|four|five|ten|twice|a third|a quarter"
+LENGTH = "heights?|widths?|sizes?|lengths?|breadths?"
+METRES = "mm|cm|m|centimeters?|meters?|metres?|centimetres?|inch|inches|foot|feet|pixels?|px"
+DISTANCE = (
+    rf"(?:(?:{NUMBER}) ?)?(?:times )?(?:of )?(?:a |its |his |her |their )?(?:own )?(?:{LENGTH})"
+    rf"|(?:{NUMBER}) %(?: of its (?:own )?(?:{LENGTH}))?|(?:{NUMBER})(?: (?:units?|{METRES}))?"
+    r"|a (?:little )?bit|a little|slightly|a touch|a tad|somewhat|a lot|far|much"
+)
+"""Pattern of a distance."""
+NEAR, FAR = 0.25, 1.0
+"""Shares of its size that an object moves "a bit" and "a lot"."""
+WAYS: dict[Side, str] = {
+    "left": r"(?:(?:to|on|towards?) )?(?:(?:the|its|his|her) )?left(?: side)?|leftwards?",
+    "right": r"(?:(?:to|on|towards?) )?(?:(?:the|its|his|her) )?right(?: side)?|rightwards?",
+    "forward": r"forwards?|closer|nearer|in front|to the front"
+    r"|(?:(?:closer|nearer) )?(?:to|towards?) (?:me|us|the (?:camera|viewer|front))",
+    "back": r"back|backwards?|farther|further|(?:farther |further )?(?:away|back|off)|to the back"
+    r"|behind|away from (?:me|us|the camera)",
+    "up": r"up|upwards?|higher(?: up)?",
+    "down": r"down|downwards?|lower(?: down)?",
+    "on": "on top",
+    "beside": "beside|next to|alongside|to the side",
+}  # fmt: skip
+"""Ways to go, and sides without what they are of."""
+SIDES: dict[Side, str] = {
+    "left": r"(?:(?:to|on|at) the )?left(?: side)? of",
+    "right": r"(?:(?:to|on|at) the )?right(?: side)? of",
+    "front": "in front of|before",
+    "behind": "behind",
+    "on": r"(?:to|in|into|at|on) the (?:center|centre|middle|top) of|on top of|onto|on to|upon|on",
+    "beside": "next to|beside|near|by|alongside|closer to|close to|nearer to|at the side of",
+}  # fmt: skip
+SIDED: dict[Side, Side] = {"forward": "front", "back": "behind", "up": "on"}
+"""Side of a thing that a way leads to."""
 WORD = (
     r"(?:[+-]?\d+(?:[./]\d+)?|%|a|an|one|two|three|four|five|six|seven|eight|nine|ten|twelve"
     r"|fifteen|twenty|thirty|forty|fifty|sixty|seventy|eighty|ninety|hundred|and|half|thirds?"
@@ -290,3 +324,127 @@ PATTERNS = (
         "|a copy of|a duplicate of|a clone of|another copy of|a further)(?: {X})?(?: {AT})?",
     ),
 )
+
+
+# ---- places and distances -----------------------------------------------------------------------
+
+
+def place_of(text: str) -> Place | None:
+    """The place that words name: a way to go, or a side of an object; None for no place."""
+    for side, pattern in WAYS.items():
+        if re.fullmatch(pattern, text) and side not in ("on", "beside"):
+            return Place(side)
+    for side, pattern in SIDES.items():
+        match = re.fullmatch(rf"(?:{pattern}) (.+)", text)
+        if match and (phrase := object_phrase(_spelled(match[1]))):
+            return Place(side, phrase)
+    return None
+
+
+def side_of(text: str, phrase: str) -> Place | None:
+    """The side of something that words name, by default of what the phrase names."""
+    if place := place_of(text):
+        side = SIDED.get(place.side, place.side)
+        return None if side == "down" else Place(side, place.of or phrase)
+    bare: tuple[Side, ...] = ("on", "beside")
+    return next((Place(side, phrase) for side in bare if re.fullmatch(WAYS[side], text)), None)
+
+
+def _spelled(text: str) -> str:
+    """The phrase of a thing that a place is of: "the first" is what was there."""
+    return "it" if text in ("the first", "the first one", "the original") else text
+
+
+def distance_of(text: str) -> tuple[float | None, bool]:
+    """(distance, whether in units of the scene) of words; (None, False) for none.
+
+    Raises Refused for a distance in metres: a scene does not know its scale.
+    """
+    if not text:
+        return None, False
+    if re.search(rf"\b(?:{METRES})$", text):
+        raise Refused("distance")
+    words = scanned(text)
+    kinds = {word.kind for word in words}
+    if "slight" in kinds or "strong" in kinds:
+        return (NEAR if "slight" in kinds else FAR), False
+    sized = re.search(rf"(?:%|{LENGTH})", text)
+    number = next((w.number for w in words if w.kind in ("number", "fraction", "factor")), 1.0)
+    return number / (100 if "%" in text else 1), not sized
+
+
+# ---- layers: "make it snow" is weather and "cover it in moss" a material ------------------------
+
+WITHERED = "|".join(things("withered"))
+NAME = f"(?:(?:{WITHERED}) )*(?P<what>{'|'.join(things('growth'))})"
+"""Growths by gsedit.objects.growth.table, with words that are said of leaves."""
+LITTER = f"(?:(?:{WITHERED}) )*(?P<what>leaves|dust)"
+"""Growths that are nothing else, whatever is said of them."""
+PLAIN = "(?:fallen|dead|withered) (?P<what>leaves)"
+"""Growths that need no place."""
+THICKNESS = {word: float(share) for word, share in things("thickness").items()}
+"""Shares that a layer is thicker than usual, by its word."""
+THICK = (
+    rf"(?:(?P<thick>{'|'.join(THICKNESS)}"
+    r"|[0-9]+(?:\.[0-9]+)? ?(?:%|percent) (?:thicker|deeper|thinner)) )"
+)
+LAYER = r"(?:layer|coat|coating|blanket|cover|covering|sheet|crust|carpet|film|glaze|pile|heap)s?"
+ADD = (
+    "(?:(?:add|put|lay|spread|scatter|sprinkle|strew|drop|place|pile|hang|make|give it"
+    "|there should be) )?"
+)
+LIGHT_LAYER = LAYER.replace("layer", "layer|dusting|sprinkling", 1)
+THING = r"[a-z][a-z0-9' ]*?"
+COVER = r"(?:cover|coat|blanket|bury|strew|litter) (?P<x>[a-z][a-z0-9' ]*?) (?:with|in|under)"
+WHERE = (
+    r"(?: (?:all )?(?:on top of|on|onto|over|across|around|along|under|from|at|in) "
+    r"(?P<x>[a-z][a-z0-9' ]*)| everywhere)"
+)
+LIES = (
+    "(?:lie|lies|lying|settle|settles|grow|grows|growing|gather|gathers|collect|collects|pile up"
+    "|piles up|hang|hangs|hanging)"
+)
+LAYERS = tuple(
+    re.compile(pattern)
+    for pattern in (
+        rf"{ADD}(?:a |an |some )?{THICK}?{LAYER} of (?:fresh )?{NAME}{WHERE}?",
+        rf"{COVER} (?:a |an |some )?{THICK}?{LAYER} of (?:fresh )?{NAME}",
+        rf"{COVER} {THICK}(?:fresh )?{NAME}",
+        rf"give (?P<x>{THING}) (?:a |an |some )?{THICK}?{LIGHT_LAYER} of (?:fresh )?{NAME}",
+        rf"{COVER} (?:some )?{LITTER}",
+        rf"{ADD}{THICK}(?:fresh )?{NAME}{WHERE}",
+        rf"let (?:some |the )?{NAME} {LIES}{WHERE}?",
+        rf"grow (?:some )?{NAME}{WHERE}",
+        rf"(?:some )?{NAME} {LIES}{WHERE}",
+        rf"{ADD}(?:some )?{THICK}?{LITTER}{WHERE}",
+        rf"{ADD}(?:some )?{THICK}?{PLAIN}",
+    )
+)
+SINCE = re.compile(r" after (?:the |some |heavy )*(?:rain|storm|shower|snowfall)$")
+"""Words that only say why something lies there."""
+THINNEST = 0.9
+"""Largest share by which a layer is made thinner: no layer at all is no change."""
+EVERYWHERE = ("everything", "the scene", "the whole scene", "all of it")
+
+
+def grown(clause: str) -> Change | None:
+    """The growth that a clause asks for; None where not all of its words say one."""
+    clause = SINCE.sub("", clause)
+    for pattern in LAYERS:
+        if match := pattern.fullmatch(clause):
+            said = match.groupdict()
+            amount = _thickness(said["thick"]) if said.get("thick") else None
+            where, name = said.get("x"), said["what"]
+            if where is None or where in EVERYWHERE:
+                return Change("scene", "growth", name, None, amount, "object")
+            if phrase := object_phrase(where, parts=True):
+                return Change("subject", "growth", name, None, amount, "object", phrase)
+    return None
+
+
+def _thickness(thick: str) -> float:
+    """The share that a layer is thicker than usual, by a word or a number of percent."""
+    if number := re.match(r"[0-9.]+", thick):
+        share = float(number[0]) / 100
+        return -min(share, THINNEST) if thick.endswith("thinner") else share
+    return THICKNESS[thick]

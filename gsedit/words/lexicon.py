@@ -10,22 +10,6 @@ TABLE = Path(__file__).with_name("lexicon.txt")
 THINGS = TABLE.with_name("things.txt")
 LONGEST = 5
 """Most words of a phrase."""
-HUES = {
-    "redder": "red", "greener": "green", "bluer": "blue", "yellower": "yellow", "pinker": "pink",
-    "browner": "brown", "purpler": "purple", "reddish": "red", "greenish": "green",
-    "yellowish": "yellow", "pinkish": "pink", "purplish": "purple", "oranger": "orange",
-}  # fmt: skip
-"""Color that a word of the kind "hue" turns to."""
-PURE = {
-    "red": "#ff0000", "green": "#00ff00", "blue": "#0000ff", "yellow": "#ffff00",
-    "cyan": "#00ffff", "magenta": "#ff00ff", "orange": "#ff8000", "purple": "#8000ff",
-    "pink": "#ff80c0", "brown": "#804000", "teal": "#008080", "violet": "#8000ff",
-}  # fmt: skip
-"""Colors toward which hue can turn."""
-NEUTRAL = {"gray": ("saturation", -1), "black": ("brightness", -1), "white": ("brightness", 1)}
-"""Tone and sign of more of a color without a hue."""
-COLOR_WARMTH = {"orange": 1, "yellow": 1, "amber": 1, "blue": -1}
-"""Colors whose surplus is too warm or too cold a white balance."""
 
 
 class Entry(NamedTuple):
@@ -48,6 +32,11 @@ def rows_of(table: Path) -> list[tuple[str, str, list[str]]]:
     return rows
 
 
+def names(kind: str) -> frozenset[str]:
+    """Names of a kind in `lexicon.txt`, as light or scenery: each has a painter of its own."""
+    return frozenset(value for told, value, _ in rows_of(TABLE) if told == kind)
+
+
 def things(kind: str) -> dict[str, str]:
     """Values by the phrases of a kind in `things.txt`, in the order of its rows."""
     rows = (row for row in rows_of(THINGS) if row[0] == kind)
@@ -61,6 +50,10 @@ SETS = (
 """Kinds that tell more of a phrase, whatever else it means."""
 
 
+DRAWN = ("scenery", "unclear")
+"""Kinds of looks: those that Gaussians take, and those that are refused."""
+
+
 @lru_cache(1)
 def entries() -> dict[str, Entry]:
     """Meanings by phrase; of a phrase of two rows, the later one's."""
@@ -69,7 +62,7 @@ def entries() -> dict[str, Entry]:
         if kind == "material":
             value = value.partition(" #")[0]
             phrases = [value, *phrases]
-        told = "fill" if kind in SETS else kind
+        told = "fill" if kind in SETS else "look" if kind in DRAWN else kind
         table.update({phrase: Entry(told, value or phrase) for phrase in phrases})
     return table
 
