@@ -337,8 +337,7 @@ class _Finder:
             except UsageError:
                 if not query.colors or not any(each.bare and each.unknown for each in ends):
                     raise
-                note = f"'{_SAID[relation]} ...' names nothing known, and is left out"
-                self.notes.setdefault(note)
+                self.notes[f"'{_SAID[relation]} ...' names nothing known, and is left out"] = None
         if query.size:
             rows = self._sized(query, rows)
         if query.order is not None:
@@ -467,19 +466,21 @@ class _Finder:
         noun = " ".join(query.unknown)
         if noun and THINGS & set(tokens(self.phrase)):
             raise self._refusal(f"what is meant by '{noun}' is not known")
-        chosen, most = rows[0] if len(rows) == 1 else None, OVERLAP
-        flags = None if chosen or self.subject is None else self.subject()
-        for row in () if flags is None else rows:
-            own = self.segments.inside(row.number)
-            overlap = float((own & flags).sum() / (own | flags).sum().clamp_min(1))
-            if overlap > most:
-                chosen, most = row, overlap
+        chosen = rows[0] if len(rows) == 1 else None
+        if chosen is None and self.subject is not None and (flags := self.subject()) is not None:
+            shares = {row.number: self._overlap(row, flags) for row in rows}
+            best = max(rows, key=lambda row: shares[row.number])
+            chosen = best if shares[best.number] > OVERLAP else None
         if chosen is None:
             why = f"what a {noun} is cannot be known without a network (--masks)" if noun else ""
             raise self._refusal(why or "several things are there", rows)
         if noun:
             self.notes.setdefault(f"'{noun}' was taken for the main subject")
         return self._left_out([chosen], query)
+
+    def _overlap(self, row: Segment, flags: Bool[Tensor, " n"]) -> float:
+        own = self.segments.inside(row.number)
+        return float((own & flags).sum() / (own | flags).sum().clamp_min(1))
 
     def _kind(self, *kinds: str) -> list[Segment]:
         return [row for row in self.segments.rows if row.kind in kinds]

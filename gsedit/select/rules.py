@@ -302,7 +302,7 @@ def oriented_box(
 ) -> Selection:  # fmt: skip
     """About x,y,z, with sides of lengths a, b and c, turned by rx,ry,rz degrees."""
     place = _placed("oriented_box", "side", (x, y, z), (a, b, c), (rx, ry, rz))
-    return _within(lambda points: (np.abs(place(points)) <= 0.5).all(1))
+    return _within(lambda points: np.all(np.abs(place(points)) <= 0.5, axis=1))
 
 
 def ellipsoid(

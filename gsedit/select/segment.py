@@ -222,11 +222,11 @@ def _row(surfaces: Surfaces, labels: Int[np.ndarray, " n"], number: int, kind: K
     right = torch.linalg.cross(place.up, place.front)
     axes = torch.stack((right, -place.front, place.up)).numpy()
     local = (surfaces.points[rows] - place.center.numpy()) @ axes.T
-    ends = (_quantile(local, weight, share) for share in (TAIL, 1 - TAIL))
+    low, high = (_quantile(local, weight, share) for share in (TAIL, 1 - TAIL))
     color = _quantile(surfaces.colors[rows], weight, 0.5)
     share = float(weight.sum() / max(surfaces.seen.sum(), 1e-9))
     palette = _palette(surfaces.colors[rows], weight)
-    return Segment(number, kind, share, *ends, color, palette, -1)
+    return Segment(number, kind, share, low, high, color, palette, -1)
 
 
 def _palette(
