@@ -4,7 +4,7 @@
 # make check (lint, format, types, documentation) and make bench (targets) are for those who change the code.
 # make levels runs the tests with the vectors of older processors: SSE and AVX2 (twice as long as make test).
 # make docs builds the documentation as a site in site/, strictly: a broken link fails.
-# make fuzz damages 2,000 files of every kind and reads them, and runs commands on hostile input.
+# make fuzz damages 2,000 files of every kind and reads them.
 # make sanitize runs the C++ files under ASan, UBSan and TSan; make bench does so too.
 # make wheel builds a wheel that holds the compiled kernels, in dist/, and tries each of its levels of vectors.
 # make paper repeats the paper's experiments (examples/research) in full (hours) and writes out/paper/report.md; with
@@ -54,15 +54,13 @@ docs: setup
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
 bench: setup sanitize
-	PYTHONPATH=examples $(BIN)/python -m research.study_editor_cost
-	PYTHONPATH=examples $(BIN)/python -m research.renderer.targets $(if $(wildcard $(GARDEN)),--points $(GARDEN)) $(SCENES)
+	$(BIN)/gsedit bench targets $(if $(wildcard $(GARDEN)),--points $(GARDEN))
 
 sanitize: setup
 	PYTHONPATH=tests:. $(BIN)/python tests/sanitizers.py
 
 fuzz: setup
 	PYTHONPATH=tests:. $(BIN)/python tests/fuzzing.py 2000
-	PYTHONPATH=tests:. $(BIN)/python tests/hostile.py
 
 # The wheel is unpacked, so that the tree's own files are not what is tried.
 wheel: setup

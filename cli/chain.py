@@ -21,7 +21,6 @@ from .core.checkpoints import NAME
 from .core.command import LazyCommand, argument, paragraphs, verb_command, verb_name
 from .core.console import print_result
 from .core.current import current_scene
-from .core.levels import Levels
 from .core.process import Output, process
 from .options.common import Common, first_scene
 from .options.files import FileOptions
@@ -68,7 +67,6 @@ class Piece:
 
     verb: str
     operations: tuple[Operation, ...]
-    levels: Levels | None
     output: Output
     files: FileOptions
     common: Common
@@ -135,14 +133,13 @@ def as_piece(body: Callable[..., Any], values: dict[str, Any]) -> Piece:
     asked, output = inspect.signature(body).parameters, values["output"]
     made = body(**{name: each for name, each in values.items() if name in asked})
     several = made if isinstance(made, list | tuple) else [made]
-    operations = tuple(each for each in several if not isinstance(each, Target | Levels))
-    levels = next((each for each in several if isinstance(each, Levels)), None)
+    operations = tuple(each for each in several if not isinstance(each, Target))
     for each in several:
         if isinstance(each, Target):
             output = replace(output, out=one_place(each, output.out))
     if any(each.moves for each in operations):
         current_scene.set(None)  # the cameras beside it do not fit it any more
-    return Piece(verb_name(body), operations, levels, output, values["files"], values["common"])
+    return Piece(verb_name(body), operations, output, values["files"], values["common"])
 
 
 def one_place(target: Target, out: Path | None) -> Path | None:
@@ -182,9 +179,7 @@ def run_chain(scene: Path, pieces: list[Piece]) -> None:
         steps[i] = verb, each.at(scene)
         if not each.removes:
             break
-    if any(each.levels for each in pieces[:-1]):
-        raise UsageError("decimate --levels writes several scenes: nothing can follow it")
-    kept, written = process(scene, steps, output, files, pieces[-1].levels)
+    kept, written = process(scene, steps, output, files)
     record = {
         "scene": scene,
         "output": written,

@@ -15,7 +15,7 @@ from typer.main import get_command
 
 from .chain import THEN, operation_verb
 from .core.command import LazyCommand, lazy_verb, paragraphs
-from .core.console import print_message
+from .core.console import print_json, print_message
 from .core.exits import FAILED, OK, USAGE, Interrupted, explain, one_line
 from .core.ranks import cause, end, leave, meet
 from .verbs.align import align
@@ -107,7 +107,7 @@ class Verbs(TyperGroup):
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             code = FAILED
         except Exception as error:
-            code = self.end(cause(error), debug="--debug" in arguments)
+            code = self.end(cause(error), arguments)
         end(code or OK)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
@@ -124,14 +124,16 @@ class Verbs(TyperGroup):
         except KeyboardInterrupt as interruption:  # before typer turns it into a bare exit code
             raise Interrupted(explain(interruption)[0]) from None
 
-    def end(self, error: Exception, *, debug: bool) -> int:
-        """Print one line about an error; return the exit code."""
-        if debug:
+    def end(self, error: Exception, arguments: list[str]) -> int:
+        """Print one line about an error, with --json its parts too; return the exit code."""
+        if "--debug" in arguments:
             traceback.print_exception(error)
         if hasattr(error, "format_message"):  # typer could not parse the command line
             return self.end_usage_error(error)
-        line, code = explain(error)
-        print_message(f"gsedit: {line}")
+        said, code = explain(error)
+        print_message(f"gsedit: {said}")
+        if "--json" in arguments:
+            print_json("error", {"what": said.what, "move": said.move, "values": said.values})
         return code
 
     def end_usage_error(self, error: Any) -> int:

@@ -37,7 +37,6 @@ COPIES = {
     "reference/contributing.md": "CONTRIBUTING.md",
     "reference/security.md": "SECURITY.md",
     "reference/model-small.md": "gsedit/editors/small/MODEL_CARD.md",
-    "reference/model-words.md": "gsedit/words/MODEL_CARD.md",
 }
 """Pages that are files elsewhere in the tree."""
 

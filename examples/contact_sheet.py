@@ -2,9 +2,9 @@
 
 python examples/contact_sheet.py bear.ply guitar.ply biker.spz -o sheet.jpg --front front.jpg
 
-Every picture is of a camera that no edit looked through. A scene file that is not there is left
-out; the built-in scene is the last column. The last row is drawn by the 2D editor `small`, the
-others as `gsedit edit` does them. --front: some edits of the first scene, larger.
+Every picture is of a camera that no edit looked through; the built-in scene is the last column. The
+last row is drawn by the 2D editor `small`, the others as `gsedit edit` does them. --front: some
+edits of the first scene, larger.
 """
 
 from __future__ import annotations
@@ -220,12 +220,8 @@ def say(text: str) -> None:
 
 def main(paths: Sequence[Path], out: Path, front: Path | None) -> None:
     """Edit all scenes and write the sheet, and the front picture if one is named."""
-    absent = [path for path in paths if not path.exists()]
-    for path in absent:
-        say(f"{path} is not there: it is left out")
-    makers = [partial(load_shown, path) for path in paths if path not in absent]
     columns = []
-    for make in (*makers, built_in):
+    for make in (*(partial(load_shown, path) for path in paths), built_in):
         shown = make()
         scenes = [shown.scene, *edits(shown, INSTRUCTIONS)]
         if front is not None and not columns:

@@ -121,9 +121,9 @@ def check_packages() -> Iterator[Check]:
     weights = installed_version("stlpips_pytorch")
     advice = "perceptual distances need its weights: pip install 'gsedit[perceptual]'"
     yield Check("stlpips_pytorch", weights or "not installed", "" if weights else advice)
-    from gsedit.editors.registry import BUILT_IN, DEFAULT
+    from gsedit.editors.registry import DEFAULT, EDITORS
 
-    _, missing_of = BUILT_IN[DEFAULT]
+    _, missing_of = EDITORS.ours[DEFAULT]
     yield Check("default editor", DEFAULT, "; ".join(missing_of()))
 
 
@@ -193,7 +193,7 @@ def check_memory() -> Check:
 
 def check_graphs() -> Check:
     """Size of the networks that OpenVINO's runtime keeps."""
-    from gsedit.models.graphs import MOST_BYTES, cached_bytes
+    from gsedit.models.runtime import MOST_BYTES, cached_bytes
 
     version = installed_version("openvino")
     if version is None:

@@ -17,7 +17,6 @@ from gsedit.diffusion.sampler import levels_of
 from gsedit.diffusion.schedules import NoiseLevel
 from gsedit.diffusion.settings import SamplerDefaults, SamplerSettings
 from gsedit.runs.ranks import Ranks
-from gsedit.words.understanding import Understanding
 
 GroundTruth = Callable[[Float[Tensor, "n h w 3"]], Float[Tensor, "n h w 3"]]
 """A map from unedited to truly edited pictures, values in [0, 1]."""
@@ -42,8 +41,7 @@ class EditBatch:
     """Seed that all batches of one edit share: cells without a correspondence start with the same
     noise in all of them."""
     subject: Float[Tensor, "v h w"] | None = None
-    """The probability that a pixel shows what is to be edited. None: the editor decides; so does
-    one that does not declare `with_subject`."""
+    """The probability that a pixel shows what is to be edited. None: the editor decides."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,11 +82,6 @@ class Cost:
         return views * (each + self.condition_s)
 
 
-def no_advice(prompt: str) -> str:
-    """No remark, whatever the instruction."""
-    return ""
-
-
 @dataclass(frozen=True, eq=False)
 class Capabilities:
     """Optional properties that an editor, or a denoiser, declares besides its methods.
@@ -103,21 +96,12 @@ class Capabilities:
     """Make this denoiser with that many views in one pass of its network; the predictions are equal
     but for rounding. It draws nothing in `condition`: the views may be shared out over ranks. None
     where no network is run: then memory is not measured, and views are not shared out."""
-    coarse: Callable[[Float[Tensor, "v c y x"]], Float[Tensor, "v c y x"]] | None = None
-    """Low-pass filter applied to a change of latents before consensus: matches are exact to half a
-    cell, and detail averaged at that precision is lost. Linear, view by view. None: the identity,
-    as for cells that are one vector each."""
-    advice: Callable[[str], str] = no_advice
-    """A remark about an instruction that `check` accepts; empty if there is none."""
     best_size: int | None = None
     """Longer side, pixels, of the pictures that it edits best: larger views are edited at this size
     and the change is carried up. None: any size."""
     enlarges: bool = False
     """Whether smaller views are edited at `best_size` too, and the change is carried down: for
     networks that draw something else at a size that they were not trained at."""
-    understand: Callable[[str], Understanding] | None = None
-    """The looks that an instruction was understood as, of the subject, the scene or both; None for
-    editors that take any sentence as it is."""
     find_ground_truth: (
         Callable[
             [str, Float[Tensor, "v h w 3"], Float[Tensor, "v h w 3"]],
@@ -126,13 +110,8 @@ class Capabilities:
         | None
     ) = None
     """(prompt, edited views, their originals) -> the true edit that these views agreed on, or None;
-    with it the error of an edit can be measured. None for editors without one."""
-    is_whole: Callable[[str], bool] | None = None
-    """Whether an instruction is about the whole scene, and not about its subject alone. None for
-    editors that cannot say: then the sentence tells, and where it does not, their edits."""
-    with_subject: Callable[[Float[Tensor, "v h w"]], Denoiser] | None = None
-    """Make this denoiser for pictures whose subject is where this probability says (as many views,
-    in the same order). None where a denoiser cannot be told."""
+    with it the error of an edit can be measured. The true edit is of whole pictures, and so is an
+    instruction of such an editor. None for editors without one."""
     levels: Callable[[SamplerSettings, tuple[int, int]], list[NoiseLevel]] | None = None
     """(settings, rows and columns of latent cells) -> the levels that sampling steps between, for
     schedules that depend on the picture's size or on the number of steps. None: those that the

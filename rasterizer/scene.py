@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from math import isqrt
 from typing import Any
 
@@ -71,6 +71,12 @@ class Gaussians:
 
     def detach(self) -> Gaussians:
         return self.map(Tensor.detach)
+
+    def with_degree(self, degree: int) -> Gaussians:
+        """Gaussians with SH of a degree: bands above it are left out, missing ones are 0."""
+        sh = self.sh[:, : (degree + 1) ** 2]
+        missing = sh.new_zeros(len(self), (degree + 1) ** 2 - sh.shape[1], 3)
+        return replace(self, sh=torch.cat((sh, missing), 1))
 
 
 def concatenate(*scenes: Gaussians) -> Gaussians:

@@ -306,7 +306,7 @@ _DATASETS = [
         "impossible_lens",
         _spoiled(lambda folder, record: record.update(k1=-1e6)),
         "dataset",
-        ("k1 -1e+06", "calibrate again"),
+        ("-1e+06", "calibrate again"),
     ),
     BadFile(
         "missing_points",

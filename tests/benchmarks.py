@@ -1,32 +1,40 @@
-"""Fixtures of several benchmark tests: a measurement, a worker, a garden."""
+"""Inputs of several benchmark tests: a cloud of any size, a garden."""
 
 from __future__ import annotations
 
+from math import tan
 from pathlib import Path
 
 import numpy as np
-from research.renderer.measurements import RenderMeasurement
-from research.renderer.worker import Worker
+import torch
+
+from gsedit.bench.renderer.speed import Workload
+from rasterizer import Camera, Gaussians
 
 
-def render_measurement(**fields) -> RenderMeasurement:
-    """A plausible measurement, with some fields changed."""
-    values = dict(
-        scene="columns", implementation="gsedit", knob="default", value="", gaussians=1000,
-        width=64, height=48, pairs=5000, evaluated=320_000, dtype="float32",
-        threads=2, runs=5, forward_wall=0.030, forward_cpu=0.055, both_wall=0.090, both_cpu=0.160,
-        yardstick=0.015, error_mean=8e-8, error_tail=2e-6, error_max=3e-4, gradient_error=2e-5,
-        gradient_cosine=1 - 1e-9, peak_bytes=50_000_000, note="", commit="abc1234",
-        machine="A processor, 2 cores, torch 2.13.0", date="2026-01-02T03:04:05+00:00",
-    )  # fmt: skip
-    return RenderMeasurement(**(values | fields))
+def cloud(count: int, width: int, height: int, seed: int = 0) -> Workload:
+    """Random Gaussians all over a picture, each 1 to 3 pixels in standard deviation, SH degree 0.
 
+    With the same number of pixels a Gaussian, the work a Gaussian is the same at every size.
+    """
+    generator = torch.Generator().manual_seed(seed)
 
-class SameProcess(Worker):
-    """Calls functions where it stands: starting another process takes seconds."""
+    def uniform(columns: int, low: float, high: float) -> torch.Tensor:
+        return low + (high - low) * torch.rand(count, columns, generator=generator)
 
-    def call(self, function, *args):
-        return function(*args)
+    focal = height / 2 / tan(0.5)
+    depth = uniform(1, 2.0, 6.0)
+    across = uniform(2, -0.5, 0.5) * torch.tensor((width / focal, height / focal)) * depth
+    scene = Gaussians(
+        means=torch.cat((across, depth), 1),
+        quats=torch.randn(count, 4, generator=generator),
+        log_scales=(uniform(3, 1.0, 3.0) * depth / focal).log(),
+        logit_opacities=torch.logit(uniform(1, 0.05, 0.95)[:, 0]),
+        sh=uniform(3, -1.5, 1.5)[:, None],
+    )
+    pose = torch.eye(4, dtype=torch.float64)
+    camera = Camera(pose, focal, focal, width / 2, height / 2, width, height)
+    return Workload(f"cloud of {count:,}", scene, camera)
 
 
 def garden_points(path: Path) -> Path:

@@ -19,7 +19,6 @@ from gsedit.formats.ply.records import read_ply_header
 from gsedit.formats.registry import write_scene
 from gsedit.formats.streams import SceneHeader, WriteOptions, in_blocks
 from gsedit.scene.table import SplatTable
-from gsedit.toolkit.streamed import write_streamed
 
 
 @dataclass(frozen=True)
@@ -69,10 +68,6 @@ def _folder(path: Path, table: SplatTable) -> None:
     other.unlink()
 
 
-def _streamed(path: Path, table: SplatTable) -> None:
-    write_streamed(path.parent, [table, table[::2]], antialiased=False)
-
-
 USD_CORE = ("usda", "usdc", "usdz")
 """Suffixes that usd-core reads."""
 SUBJECTS = (
@@ -85,7 +80,6 @@ SUBJECTS = (
     Subject("4.spz", lambda path, table: _write(path, table, 4), in_zstd),
     Subject("a.sog", _write, in_zip),
     Subject("meta.json", _folder, in_json),
-    Subject("lod-meta.json", _streamed, in_json),
     Subject("a.glb", _write, in_glb),
     Subject("a.gltf", _gltf, in_json),
     *(Subject(f"a.{end}", _write, share=0.02) for end in USD_CORE if find_spec("pxr")),

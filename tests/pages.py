@@ -21,7 +21,9 @@ line = sys.stdin.readline()
 if not line: sys.exit()
 verb, scene, *rest = json.loads(line)
 if "--seconds" in rest: time.sleep(float(rest[rest.index("--seconds") + 1]))
-if "--fail" in rest: sys.exit(print("gsedit: no such thing: name another", file=sys.stderr) or 2)
+if "--fail" in rest:
+    error = {"type": "error", "what": "no such thing", "move": "focal", "values": {}}
+    sys.exit(print(json.dumps(error)) or 2)
 event = {"type": "event", "stage": "fit", "seconds": 0.1, "step": 1, "steps": 2}
 print(json.dumps(event), flush=True)
 out = Path(rest[rest.index("-o") + 1])

@@ -21,8 +21,15 @@ def rectified_flow(steps: int = 1000, shift: float = 1.0) -> Schedule:
     return Schedule((1 - s) ** 2 / ((1 - s) ** 2 + s**2), straight=True)
 
 
+def zero_terminal_snr(schedule: Schedule) -> Schedule:
+    """Schedule with pure noise at its last step, its first unchanged (Lin et al. 2024, alg. 1)."""
+    root = schedule.alphas_cumprod.sqrt()
+    root = (root - root[-1]) * root[0] / (root[0] - root[-1])
+    return Schedule(root**2)
+
+
 SD = Schedule.scaled_linear()
-TERMINAL = SD.zero_terminal_snr()
+TERMINAL = zero_terminal_snr(SD)
 FLOW = rectified_flow()
 SOLVERS = ("ddim", "euler", "heun", "dpm++2m", "ancestral")
 UNGUIDED = SamplerSettings(

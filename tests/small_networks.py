@@ -8,7 +8,7 @@ from gsedit.editors.small.network import Architecture, SmallNetwork
 
 TINY = Architecture(
     image_encoder=(32, 32, 64), denoiser=(16, 32), attention_levels=1, pixel_features=4,
-    pixel_mlp=8, embedding=32, text_width=32, text_layers=1,
+    pixel_mlp=8, embedding=32, text_width=32,
 )  # fmt: skip
 
 

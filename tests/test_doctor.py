@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import json
 from concurrent.futures import ThreadPoolExecutor
-from functools import partial
 
 import pytest
 import torch
 from command_line import gsedit
 
 from gsedit import doctor
-from gsedit.editors import registry
 from gsedit.errors import GseditError
 from rasterizer import compiled
 from rasterizer.waiting import SPINS
@@ -58,9 +56,7 @@ def test_a_build_for_cuda_is_told_how_to_get_the_small_one(monkeypatch):
 def test_a_default_editor_without_weights_is_advice(monkeypatch, tmp_path):
     check = {check.name: check for check in doctor.check_packages()}["default editor"]
     assert (check.state, check.advice) == ("small", "")
-    factory, missing = registry.BUILT_IN[registry.DEFAULT]
-    without = partial(missing, tmp_path / "none.safetensors")
-    monkeypatch.setitem(registry.BUILT_IN, registry.DEFAULT, (factory, without))
+    monkeypatch.setattr("gsedit.editors.small.WEIGHTS", tmp_path / "none.safetensors")
     check = {check.name: check for check in doctor.check_packages()}["default editor"]
     assert "install it again" in check.advice
 

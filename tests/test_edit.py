@@ -16,7 +16,7 @@ from gsedit.editors import Capabilities, make_editor
 from gsedit.errors import UsageError
 from gsedit.fitting.settings import UpdateSettings
 from gsedit.fitting.update import Target, rates, update_steps
-from gsedit.paper.presets import find_preset
+from gsedit.paper.settings import find_preset
 from gsedit.paper.strategies.single_pass import SinglePass
 from gsedit.synthetic import demo_scene, ring_cameras, scenes, surface_gaussians
 from rasterizer import concatenate
@@ -116,16 +116,12 @@ def test_what_no_edited_view_sees_does_not_move(scene, data):
     assert not torch.equal(result.scene.sh[:3000], whole.sh[:3000])
 
 
-def test_an_editor_is_heard_before_the_work_and_its_defaults_are_on_record(scene, data):
+def test_an_editor_s_defaults_are_on_record(scene, data):
     class Wary(Swapped):
-        capabilities = Capabilities(
-            defaults=SamplerDefaults(2.0, 1.0, 0.5),
-            advice=lambda prompt: f"nobody taught me {prompt!r}",
-        )
+        capabilities = Capabilities(defaults=SamplerDefaults(2.0, 1.0, 0.5))
 
     settings = replace(SMALL, batches=1)
-    first, *_, result = run(scene, data, Wary(), settings, prompt="as a dinosaur", steps=2)
-    assert (first.stage, first.note) == ("advice", "nobody taught me 'as a dinosaur'")
+    *_, result = run(scene, data, Wary(), settings, prompt="as a dinosaur", steps=2)
     assert result.settings.sampler.scales == (2.0, 1.0)
     assert result.settings.sampler.temperature == 0.5
     first, *_, result = run(scene, data, Swapped(), settings, steps=2)

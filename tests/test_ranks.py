@@ -17,7 +17,7 @@ from gsedit_cli.core import ranks as command
 
 from gsedit.datasets.cameras_json import write_beside
 from gsedit.formats.scenes import save
-from gsedit.runs import pulse, ranks
+from gsedit.runs import ranks
 from gsedit.runs.ranks import ALONE, join, variables_of
 from gsedit.runs.state import load_state
 
@@ -199,7 +199,7 @@ def test_where_torchrun_is_gone_no_rank_is_blamed(monkeypatch, capsys, rank, is_
     """Each machine says why it ends."""
     store = Store()
     store.cut = True
-    gone = pulse.Pulse(store, rank, 4)
+    gone = ranks.Pulse(store, rank, 4)
     gone.is_store_lost = is_known
     monkeypatch.setattr(command, "joined", lambda: True)
     monkeypatch.setattr(command, "ranks", lambda: ranks.Ranks(rank, 4, store=store, pulse=gone))
@@ -215,14 +215,14 @@ def test_where_torchrun_is_gone_no_rank_is_blamed(monkeypatch, capsys, rank, is_
 
 @pytest.mark.parametrize("what", ["nothing", "silent", "ended", "cut"])
 def test_a_pulse_finds_a_rank_that_is_gone(monkeypatch, what):
-    monkeypatch.setattr(pulse, "TICK_SECONDS", 0.002)
+    monkeypatch.setattr(ranks, "TICK_SECONDS", 0.002)
     store = Store()
-    here, other = (pulse.Pulse(store, rank, 2) for rank in range(2))
+    here, other = (ranks.Pulse(store, rank, 2) for rank in range(2))
     here.start()
     if what != "silent":
         other.start()
     if what == "ended":
-        store.set(pulse.ENDED, "")
+        store.set(ranks.ENDED, "")
     store.cut = what == "cut"
     here.join(0.3 if what == "nothing" else 20)
     said = {"nothing": "", "silent": "rank 1 gave no sign", "ended": "another rank", "cut": "torch"}
@@ -234,10 +234,10 @@ def test_a_pulse_finds_a_rank_that_is_gone(monkeypatch, what):
 
 
 def test_a_pulse_that_hangs_in_a_question_to_the_store_counts_as_cut_off(monkeypatch):
-    monkeypatch.setattr(pulse, "TICK_SECONDS", 0.01)
+    monkeypatch.setattr(ranks, "TICK_SECONDS", 0.01)
     store, hangs = Store(), threading.Event()
     store.check = lambda keys: hangs.wait(60)
-    here = pulse.Pulse(store, 0, 2)
+    here = ranks.Pulse(store, 0, 2)
     here.start()
     assert not any(here.look() for _ in range(1000))  # as often as one likes
     began = time.monotonic()

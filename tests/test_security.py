@@ -12,10 +12,9 @@ from gsedit.formats.pictures import LIMIT_VARIABLE, MAX_MEGAPIXELS
 from gsedit.formats.ply.inria import ELEMENTS_MAX_BYTES
 from gsedit.formats.ply.records import HEADER_MAX_BYTES, MAX_COLUMNS, MAX_ELEMENTS
 from gsedit.formats.sog.file import META_MAX_BYTES
-from gsedit.formats.sog.streamed import INDEX_MAX_BYTES
-from gsedit.formats.usd.library import EXPANSION as USD_EXPANSION
-from gsedit.formats.usd.library import MEMORY as USD_MEMORY
-from gsedit.formats.usd.library import SECONDS as USD_SECONDS
+from gsedit.formats.usd.file import EXPANSION as USD_EXPANSION
+from gsedit.formats.usd.file import MEMORY as USD_MEMORY
+from gsedit.formats.usd.file import SECONDS as USD_SECONDS
 from gsedit.formats.validity import MAX_LOG_SCALE, MAX_NORM
 from gsedit.select.where import LONGEST
 from gsedit.storage.json_files import MAX_BYTES
@@ -38,8 +37,7 @@ def test_limits_of_the_page_are_those_of_the_code():
     )
     packed = f"{MAX_EXPANSION:,} times its size, or to {megabytes(ALWAYS_BYTES)}"
     picture = f"{MAX_MEGAPIXELS:g} megapixels; `{LIMIT_VARIABLE}` sets another number"
-    index = f"lod-meta.json {megabytes(INDEX_MAX_BYTES)}"
-    inside = f"meta.json of a .sog {megabytes(META_MAX_BYTES)}, {index}; JSON of a .glb "
+    inside = f"meta.json of a .sog {megabytes(META_MAX_BYTES)}; JSON of a .glb "
     memory, seconds, per_mb = USD_MEMORY >> 30, USD_SECONDS, USD_SECONDS // 10
     usd = f"{memory} GB of memory and {32 + USD_EXPANSION} times its size; {seconds} s"
     assert dict(rows[2:]) == {

@@ -106,7 +106,7 @@ def qwen_3() -> transformers.Qwen3ForCausalLM:
     return transformers.Qwen3ForCausalLM(config)
 
 
-def klein(*, distilled: bool = True, cached: bool = False) -> Any:
+def klein(*, distilled: bool = True) -> Any:
     """FLUX.2-klein; cells of 2 pixels, tokens of 4."""
     parts = {
         "transformer": seeded(flux_2_transformer).eval(),
@@ -115,8 +115,7 @@ def klein(*, distilled: bool = True, cached: bool = False) -> Any:
         "tokenizer": word_tokenizer(chat_template=CHAT),
         "scheduler": diffusers.FlowMatchEulerDiscreteScheduler(**FLOW),
     }
-    kind = diffusers.Flux2KleinKVPipeline if cached else diffusers.Flux2KleinPipeline
-    return quiet(kind(**parts, **({} if cached else {"is_distilled": distilled})))
+    return quiet(diffusers.Flux2KleinPipeline(**parts, is_distilled=distilled))
 
 
 def quiet(pipe: Any) -> Any:

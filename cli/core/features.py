@@ -19,6 +19,6 @@ def load_features(name: str) -> FeatureExtractor:
 
         return vgg_features()
     from gsedit.measures.features import with_equal_energy
-    from gsedit.measures.networks import Vgg16
+    from gsedit.measures.perceptual import Vgg16
 
     return with_equal_energy(Vgg16(name))

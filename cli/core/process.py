@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,8 +14,7 @@ from ..options.common import DropInvalid, Force
 from .checkpoints import open_checkpoint
 from .command import option, output
 from .console import print_message
-from .levels import Levels
-from .outputs import check_file, check_folder
+from .outputs import check_file
 
 if TYPE_CHECKING:
     from gsedit.formats.streams import Blocks, SceneHeader, SceneSource
@@ -43,49 +42,48 @@ def process(
     steps: list[tuple[str, Operation]],
     output: Output,
     files: FileOptions,
-    levels: Levels | None,
 ) -> tuple[list[tuple[str, RowCounts]], Path | None]:
     """Read, change and write a scene in blocks; return the counts of each step, then the total."""
+    from gsedit.formats.registry import write_scene
     from gsedit.formats.validity import Guard
     from gsedit.toolkit.operation import RowCounts, run
 
-    check_output(output, levels)
+    check_output(output)
     source = open_source(path, files)
     write_companions = companions(path, output, [each for _, each in steps])
     for note in source.notes:
         print_message(f"{path}: {note}")
-    dropped = Guard(drop=True) if output.drop_invalid else None
-    last, total = Guard(drop=False, of="the result"), RowCounts(before=source.count)
-    blocks = dropped(source.blocks()) if dropped else source.blocks()
+    first, last = Guard(drop=output.drop_invalid), Guard(drop=False, of="the result")
+    total, operations = RowCounts(before=source.count), [each for _, each in steps]
     header, blocks, counts = run(
-        source.header, blocks, [each for _, each in steps], partial(_say, path)
+        source.header, first(source.blocks()), operations, partial(_say, path)
     )
-    if levels is None:
-        header, blocks = fitted(header, blocks, output.out)
-    blocks = _checked(last(blocks), dropped, last, source, total)
-    write(path, header, blocks, output, files, levels)
+    header, blocks = fitted(header, blocks, output.out)
+    blocks = _checked(last(blocks), first, last, source.path, total)
+    if output.dry_run or output.out is None:
+        for _ in blocks:
+            pass
+    else:
+        options = files.write(output.out)
+        write_scene(output.out, header, blocks, options=options, overwrite=output.force)
     write_companions()
-    if dropped and dropped.invalid:
-        print_message(f"{path}: rows left out by --drop-invalid: {dropped.invalid:,}")
+    if output.drop_invalid and first.invalid:
+        print_message(f"{path}: rows left out by --drop-invalid: {first.invalid:,}")
     named = [(verb, kept) for (verb, _), (_, kept) in zip(steps, counts)]
     for verb, kept in ((v, k) for (v, o), (_, k) in zip(steps, counts) if o.removes):
         print_message(f"{verb}: {kept}")
     return [*named, ("all", total)], None if output.dry_run else output.out
 
 
-def check_output(output: Output, levels: Levels | None) -> None:
-    """Raise UsageError unless the scene, or the folder of its levels, can be written."""
+def check_output(output: Output) -> None:
+    """Raise UsageError unless the scene can be written."""
     from gsedit.formats.registry import writable_format
 
-    if output.out is None:
-        if not output.dry_run:
-            what = "scene" if levels is None else "folder"
-            raise UsageError(f"name the {what} to write with -o, or add --dry-run")
-    elif levels is not None:
-        check_folder(output.out, output.force or output.dry_run)
-    else:
+    if output.out is not None:
         writable_format(output.out)
         check_file(output.out, output.force or output.dry_run)
+    elif not output.dry_run:
+        raise UsageError("name the scene to write with -o, or add --dry-run")
 
 
 def open_source(path: Path, files: FileOptions) -> SceneSource:
@@ -97,55 +95,43 @@ def open_source(path: Path, files: FileOptions) -> SceneSource:
     return open_scene(path, files.read())
 
 
-def write(
-    path: Path,
-    header: SceneHeader,
-    blocks: Blocks,
-    output: Output,
-    files: FileOptions,
-    levels: Levels | None,
-) -> None:
-    """Write the scene or its levels of detail; a dry run only reads the blocks."""
-    from gsedit.formats.registry import write_scene
-    from gsedit.formats.streams import gather
-
-    if output.dry_run or output.out is None:
-        for _ in blocks:
-            pass
-    elif levels is None:
-        write_scene(
-            output.out, header, blocks, options=files.write(output.out), overwrite=output.force
-        )
-    else:
-        levels.write(path, header, gather(blocks, header, 0), output.out, files, output.force)
-
-
-def companions(path: Path, output: Output, operations: list[Operation]) -> Callable[[], None]:
+def companions(path: Path, output: Output, operations: list[Any]) -> Callable[[], None]:
     """Return a function that writes the moved cameras (--cameras) and similarities (--save).
 
-    Raises UsageError now if one of these files cannot be written.
+    Raises UsageError now if one of these files cannot be written, or there are no cameras.
     """
     saving = [each for each in operations if getattr(each, "save", None)]
     for each in saving:
-        check_file(each.save, output.force or output.dry_run, ".json")  # pyright: ignore[reportAttributeAccessIssue]
-    cameras = None
+        check_file(each.save, output.force or output.dry_run, ".json")
+    viewpoints, target = (), None
     if any(getattr(each, "cameras", False) for each in operations):
-        from gsedit.toolkit.moved_cameras import CameraMove
+        from gsedit.datasets.cameras_json import cameras_file, own_file, read_cameras
 
-        cameras = CameraMove(path, None if output.dry_run else output.out, output.force)
+        file = cameras_file(path)
+        if file is None:
+            raise UsageError(f"{path} has no cameras.json beside it: leave out --cameras")
+        viewpoints = read_cameras(file)
+        target = None if output.out is None else own_file(output.out)
+        check_file(target, output.force or output.dry_run)
 
     def write() -> None:
-        if output.dry_run:
-            return
         for each in saving:
             from gsedit.toolkit.similarity_files import write_similarity
 
-            write_similarity(each.moved, each.save, overwrite=output.force)  # pyright: ignore[reportAttributeAccessIssue]
-            print_message(f"the similarity: {each.save}")  # pyright: ignore[reportAttributeAccessIssue]
-        if cameras and (file := cameras.write(operations)):
-            print_message(f"cameras moved along: {file}")
+            write_similarity(each.moved, each.save, overwrite=output.force)
+            print_message(f"the similarity: {each.save}")
+        if target is not None:
+            from gsedit.datasets.cameras_json import write_cameras
+            from gsedit.scene.similarity import IDENTITY, moved_camera
 
-    return write
+            whole = IDENTITY
+            for each in operations:
+                whole = each.moved.after(whole) if each.moves else whole
+            moved = [replace(v, camera=moved_camera(v.camera, whole)) for v in viewpoints]
+            write_cameras(moved, target, overwrite=output.force)
+            print_message(f"cameras moved along: {target}")
+
+    return (lambda: None) if output.dry_run else write
 
 
 def fitted(header: SceneHeader, blocks: Blocks, out: Path | None) -> tuple[SceneHeader, Blocks]:
@@ -164,32 +150,21 @@ def fitted(header: SceneHeader, blocks: Blocks, out: Path | None) -> tuple[Scene
     return run(header, blocks, [ReduceSH(format.max_degree)], partial(_say, out))[:2]
 
 
-def _checked(
-    blocks: Any, dropped: Guard | None, last: Guard, source: SceneSource, total: RowCounts
-) -> Any:
+def _checked(blocks: Any, first: Guard, last: Guard, path: Path, total: RowCounts) -> Any:
     """Yield the blocks and count them; raise for invalid rows before the file gets its name.
 
-    `dropped` has removed the invalid rows of the file; `last` has seen the result.
+    `first` has seen the file and `last` the result: rows may have become invalid on the way.
     """
-    from gsedit.formats.validity import Guard
-
     for block in blocks:
         total.after += len(block)
         yield block
-    if dropped is not None:
-        dropped.check(source.path)
-    if not last.invalid:
-        return
-    if dropped is None:
-        # a row of the file is named by its place there, which operations may have changed
-        file = Guard(drop=False)
-        for _ in file(source.blocks()):
-            pass
-        file.check(source.path)
-    raise UsageError(
-        f"{source.path}: {last.invalid:,} of {last.rows:,} rows became invalid on the way, "
-        f"the first is {last.first}: give the operations smaller numbers"
-    )
+    if first.drop or last.invalid:  # a row of the file is named by its place there
+        first.check(path)
+    if last.invalid:
+        raise UsageError(
+            f"{path}: {last.invalid:,} of {last.rows:,} rows became invalid on the way, "
+            f"the first is {last.first}: give the operations smaller numbers"
+        )
 
 
 def _say(path: Path, text: str) -> None:

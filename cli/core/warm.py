@@ -13,7 +13,6 @@ LOADED = (
     "torch",
     "gsedit.editing.measure",
     "gsedit.words.called",
-    "gsedit.words.understanding",
     "gsedit_cli.verbs.edit",
     "gsedit_cli.main",
 )

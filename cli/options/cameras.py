@@ -150,8 +150,7 @@ def say_if_smaller(photos: Dataset, size: int) -> None:
 def recorded_viewpoints(path: Path | None, scene: Gaussians, size: int) -> tuple[Viewpoint, ...]:
     """Return all cameras recorded beside a scene file; none if none of them sees the scene."""
     from gsedit.datasets.cameras_json import cameras_file, read_cameras
-    from gsedit.datasets.near import viewpoints_near
-    from gsedit.datasets.viewpoints import same_size, that_see, thinned
+    from gsedit.datasets.viewpoints import same_size, that_see, thinned, viewpoints_near
 
     file = None if path is None else cameras_file(path)
     if file is None:

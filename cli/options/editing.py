@@ -20,8 +20,7 @@ if TYPE_CHECKING:
     from gsedit.diffusion.settings import Precision
     from gsedit.editors import Editor
     from gsedit.paper.actions import Strategy
-    from gsedit.paper.presets import Preset
-    from gsedit.paper.settings import EditSettings
+    from gsedit.paper.settings import EditSettings, Preset
 
 EDITOR, STRATEGY, SAMPLING, UPDATE = "2D editor", "Strategy", "Sampling", "Scene update"
 STEPS = {
@@ -49,7 +48,7 @@ class EditorOptions:
     )
     model: str | None = option(
         None,
-        "pix2pix, diffusers: a folder of weights, or a Hugging Face id. small: a file of weights.",
+        "pix2pix, diffusers: a folder of weights, or a Hugging Face id.",
     )
     weights_dir: Path | None = option(
         None, "pix2pix, diffusers: folder where downloaded weights are kept."
@@ -64,12 +63,6 @@ class EditorOptions:
         "torch|openvino|auto",
         show_default="auto",
     )
-    decoder: Path | None = option(
-        None,
-        "pix2pix, diffusers: a folder with a small decoder (TAESD) of the model's latents: faster, "
-        "less exact.",
-        "FOLDER",
-    )
     run: str | None = option(
         None,
         'command: the program to run, as in "my_editor {input} {output} {prompt}". It must '
@@ -81,11 +74,6 @@ class EditorOptions:
         "command: seconds that the program may take for the views of a batch.",
         "SECONDS",
         show_default="no limit",
-    )
-
-    guess: bool = option(
-        False,
-        "small: follow an instruction that it does not understand with the nearest known look.",
     )
 
     def settled(self) -> EditorOptions:
@@ -107,11 +95,9 @@ class EditorOptions:
             model=self.model,
             weights_dir=self.weights_dir,
             runtime=self.runtime,
-            decoder=self.decoder,
             run=self.run,
             timeout=self.timeout,
             folder=out / "command",
-            guess=self.guess or None,
             yes=self.yes or agreed,
             precision=precision,
         )
@@ -142,17 +128,6 @@ def at_size(settings: EditSettings, editor: Editor, size: int | None) -> EditSet
             "leave --size out for its own, which takes longer"
         )
     return replace(settings, edit_size=min(size, made_for))
-
-
-def what_it_understood(editor: Editor, instruction: str) -> str:
-    """Return how the editor understood a sentence; empty if it takes any sentence as it is."""
-    understand = editor.capabilities.understand
-    if understand is None:
-        return ""
-    understood = understand(instruction)
-    if not understood.known:
-        return f"not understood, a guess: {understood}"
-    return f"understood as: {understood.why or understood}; looks of {editor.name}: {understood}"
 
 
 def edit_settings(own: Iterable[str] = ()) -> list[Setting]:
@@ -221,7 +196,7 @@ def resolve(preset: str, values: Values, own: Iterable[str] = ()) -> tuple[EditS
     `own`: the flags of the verb's other options, which decide those that an error message names.
     Raises UsageError for a value out of range, and an option that another strategy has.
     """
-    from gsedit.paper.presets import find_preset
+    from gsedit.paper.settings import find_preset
 
     shared = {path: value for path, value in values.items() if path[0] != "strategy"}
     chosen = {

@@ -65,7 +65,7 @@ class MaskOptions:
             return None
         if phrase is None:
             raise UsageError('--masks looks for a phrase: add --phrase "the chair"')
-        from gsedit.editors.masks import make_masks
+        from gsedit.editors import make_masks
 
         provider = make_masks(self.masks, **given)
         provider.check(phrase)

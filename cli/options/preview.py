@@ -36,7 +36,7 @@ def run_preview(
     views: ViewOptions,
     editor: EditorOptions,
     values: Values,
-    seeds: range,
+    seed: int,
     *,
     masks: MaskOptions,
     force: bool,
@@ -54,8 +54,6 @@ def run_preview(
     check_writable(path, overwrite=force)
     steps = read_sentence(instruction, scene, drawn=asks_editor(editor, values))
     first, exact = steps[0], is_exact(steps[0])
-    if exact and len(seeds) > 1:
-        raise UsageError(f"{first} has one result, whatever the seed: leave out --seeds")
     names = names_of(scene, masks, steps[:1])
     own = {at: value for at, value in values.items() if at[0] != "strategy"}
     settings = with_values(EditSettings(), own)
@@ -75,7 +73,7 @@ def run_preview(
     else:
         settings = at_size(settings, followed, views.size)
         found = preview_edited(
-            gaussians, first.text, viewpoints[0].camera, followed, seeds, settings.sampler,
+            gaussians, first.text, viewpoints[0].camera, followed, (seed,), settings.sampler,
             settings.execution, settings.edit_size,
         )  # fmt: skip
     save_picture(found.picture(), path, overwrite=force)

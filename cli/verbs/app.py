@@ -68,7 +68,7 @@ def run_page(
     path: Path | None, allowed: list[Path], host: str, port: int, *, browser: bool, as_json: bool
 ) -> None:
     """Serve the page until Ctrl-C."""
-    from gsedit.app.memory import share_heaps
+    from gsedit.app.loaded import share_heaps
     from gsedit.app.opening import open_path
     from gsedit.app.page import Page
     from gsedit.app.places import Places

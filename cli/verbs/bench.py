@@ -1,4 +1,4 @@
-"""`gsedit bench`: the renderer, and the error of an edit."""
+"""`gsedit bench`: the speed and the errors of the renderer on this machine."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
-from ..core.command import VerbCommand, argument, as_command, flag
+from ..core.command import VerbCommand, as_command, flag
 from ..core.console import print_message, print_result
 from ..core.exits import Interrupted
 from ..core.outputs import check_folder
@@ -32,15 +32,13 @@ Points = Annotated[
 Cache = Annotated[Path, flag("--cache", "Folder that keeps the reference's pictures.", "FOLDER")]
 Quick = Annotated[bool, flag("--quick", "A short run: fewer and smaller cases.")]
 Folder = Annotated[Path, flag("--output -o", "Folder for the results.", "PATH")]
-Instruction = Annotated[str, argument("INSTRUCTION", "Instruction of the editor closed-form.")]
-Strategy = Annotated[str, flag("--strategy", "How views and scene are edited.", "NAME")]
 
 Row = TypeVar("Row")
 
 
 @bench.callback()
 def describe() -> None:
-    """Measure the renderer and an edit on this machine."""
+    """Measure the renderer on this machine."""
 
 
 def stability(
@@ -74,7 +72,7 @@ def targets(
     *,
     common: Common,
 ) -> None:
-    """Print which targets of speed and accuracy the renderer reaches on this machine.
+    """Print how many times as fast as the reference the renderer is here, and its errors.
 
     The exit code is 0 whether or not they are reached.
 
@@ -82,42 +80,14 @@ def targets(
     """
     common.apply()
 
-    from gsedit.bench.renderer.targets import FULL, QUICK, measure_targets, table
+    from gsedit.bench.renderer.speed import measure_targets, table
 
-    size = QUICK if quick else FULL
-    rows = collect(measure_targets(size, points, cache), common)
-    reached = sum(target.reached is True for target in rows)
+    rows = collect(measure_targets(points, cache, quick=quick), common)
+    reached = sum(row.reached is True for row in rows)
     print_result({"targets": rows, "reached": reached}, table(rows), as_json=common.json)
 
 
-def edit(
-    instruction: Instruction = "turn the bear into a bronze statue",
-    out: Folder = Path("out/bench_edit"),
-    strategy: Strategy = "single-pass",
-    quick: Quick = False,
-    force: Force = False,
-    *,
-    common: Common,
-) -> None:
-    """Measure the error of an edit of the built-in scene against seconds, at held-out cameras.
-
-    The error is to the exact edit. Writes edit.jsonl and edit.md.
-
-    gsedit bench edit -o out/bench_edit
-    """
-    from dataclasses import replace
-
-    check_folder(out, force)
-    common.apply()
-
-    from gsedit.bench.edit import QUICK, ROWS, EditPlan, edit_to_folder, table
-
-    plan = replace(QUICK if quick else EditPlan(), instruction=instruction, strategy=strategy)
-    rows = collect(edit_to_folder(out, plan), common, out / ROWS)
-    print_result({"folder": out, "rows": rows}, table(rows), as_json=common.json)
-
-
-for verb in (targets, stability, edit):
+for verb in (targets, stability):
     bench.command(cls=VerbCommand)(as_command(verb))
 
 

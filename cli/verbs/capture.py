@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from functools import partial
 from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING, Annotated
@@ -19,6 +20,7 @@ from ..options.settings import Layout, Setting, SettingsGroup, Values, settings_
 
 if TYPE_CHECKING:
     from gsedit.capture.capture import CaptureResult
+    from gsedit.capture.stages import Line
 
 NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine")
 
@@ -77,13 +79,18 @@ def run_capture(
         work.start_anew(out)
     try:
         with progress(as_json=as_json) as show:
-            handlers = {work.Line: lambda line: print_message(line.text), Event: show}
+            handlers = {work.Line: partial(print_line, as_json=as_json), Event: show}
             return result_of(work.capture_steps(photos, out, settings), handlers)
     except KeyboardInterrupt:
         raise Interrupted(
             f"interrupted; the stages that ended are kept in {out / work.WORK}: go on with the "
             "same command"
         ) from None
+
+
+def print_line(line: Line, *, as_json: bool) -> None:
+    """Print a remark; its option for a person alone."""
+    print_message(line.text if as_json or not line.option else f"{line.text} ({line.option})")
 
 
 def print_capture(result: CaptureResult, out: Path) -> None:

@@ -16,9 +16,8 @@ from ..core.outputs import check_file
 from ..options.selection import SelectionOptions
 
 if TYPE_CHECKING:
-    from gsedit.toolkit.clean import Clean
-    from gsedit.toolkit.find_defects import Limits
-    from gsedit.toolkit.repair import Repair
+    from gsedit.toolkit.clean import Clean, Repair
+    from gsedit.toolkit.defects import Limits
     from rasterizer.camera import Camera
     from rasterizer.scene import Gaussians
 
@@ -72,7 +71,7 @@ class CleanOptions:
 
     def limits(self) -> Limits:
         """The thresholds of the laws that are asked. Raises UsageError."""
-        from gsedit.toolkit.find_defects import Limits
+        from gsedit.toolkit.defects import Limits
 
         return Limits(
             invisible=self.least_opacity if self.invisible else None,
@@ -111,7 +110,7 @@ def clean(*, options: CleanOptions, selection: SelectionOptions, output: Output)
 
 def repair_alone(options: CleanOptions, selection: SelectionOptions) -> Repair:
     """Return the repair of a scene. Raises UsageError for options that it does not have."""
-    from gsedit.toolkit.repair import Repair
+    from gsedit.toolkit.clean import Repair
 
     if options != CleanOptions(repair=True) or selection.given:
         raise UsageError(

@@ -69,7 +69,7 @@ def convert(target: Out = None, order: Order = None, *, own: ConvertOptions) -> 
 
         steps.append(ReduceSH(own.degree))
     if order is not None:
-        from gsedit.toolkit.order import Order
+        from gsedit.toolkit.decimate import Order
 
         steps.append(Order(order))
     return steps

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -11,9 +11,6 @@ from ..core.command import argument
 from ..core.console import print_message, print_result
 from ..core.exits import UNREADABLE
 from ..options.common import Common
-
-if TYPE_CHECKING:
-    from gsedit.models.weights import Weights
 
 Model = Annotated[
     str | None,
@@ -58,27 +55,20 @@ def check_machine(*, as_json: bool) -> None:
 
 def check_weights(model: str, *, as_json: bool) -> None:
     """Print what of a model's weights is there. Exits with UNREADABLE unless all of it is."""
-    from gsedit.models.hub import find, settings_for
-    from gsedit.models.weights import inspect
+    from gsedit.models.hub import INDEX, family_of, find, inspect, settings_in
 
-    place = find(model, offline=True)
-    weights = inspect(place, settings_for(place, offline=True))
-    names = ("folder", "complete", "parts", "notes")
-    record = {name: getattr(weights, name) for name in names}
-    record |= {"kind": weights.family.title, "pipeline": weights.kind.pipeline}
-    print_result(record, as_text(weights), as_json=as_json)
-    if not weights.complete:
-        raise typer.Exit(UNREADABLE)
-
-
-def as_text(weights: Weights) -> str:
-    """A line a part, its problems below it, and last whether all is complete."""
+    folder = find(model, offline=True)
+    parts = inspect(folder)
+    kind = family_of(settings_in(folder / INDEX), folder).title
+    problems = sum(bool(part.problem) for part in parts)
     lines = []
-    for part in weights.parts:
+    for part in parts:
         held = f"{part.size / 1e6:,.1f} MB in {len(part.files)} files" if part.files else "here"
         copy = f", {part.stored}" if part.stored else ""
-        lines.append(f"{part.name:<16} {'INCOMPLETE' if part.problems else held + copy}")
-        lines += [f"{'':<16} -> {problem}" for problem in part.problems]
-    lines += [f"{'note':<16} {note}" for note in weights.notes]
-    state = "complete" if weights.complete else f"incomplete, {len(weights.problems)} problems"
-    return "\n".join([*lines, f"{weights.place}: {weights.family.title}, {state}"])
+        lines.append(f"{part.name:<16} {'INCOMPLETE' if part.problem else held + copy}")
+        lines += [f"{'':<16} -> {part.problem}"] * bool(part.problem)
+    state = f"incomplete, {problems} problems" if problems else "complete"
+    record = {"folder": folder, "complete": not problems, "kind": kind, "parts": parts}
+    print_result(record, "\n".join([*lines, f"{folder}: {kind}, {state}"]), as_json=as_json)
+    if problems:
+        raise typer.Exit(UNREADABLE)

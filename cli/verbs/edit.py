@@ -69,9 +69,6 @@ class EditOptions:
     preview: bool = option(
         False, "Edit nothing: draw one view, before and after, into -o FILE.png (preview.png)."
     )
-    seeds: int = option(
-        0, "With --preview: so many candidates of a look, one a seed.", "N", min=0, max=16
-    )
     preset: str = option(
         "default",
         "Values of the options that are not given. quick: half of the evaluations of a 2D model. "
@@ -127,7 +124,7 @@ class EditCommand:
 
 
 @shows(
-    "--output", "--data", "--region", "--at", "--editor", "--preview", "--seeds",
+    "--output", "--data", "--region", "--at", "--editor", "--preview",
     "--size", "--explain", "--resume", "--force", "--seed",
 )  # fmt: skip
 def edit(
@@ -154,15 +151,14 @@ def edit(
     """
     values = pointing.in_place_of_region(values)
     load = partial(load_scene, scene, drop_invalid=own.drop_invalid)
-    if own.preview or own.seeds:
+    if own.preview:
         if own.explain or own.resume:
             raise UsageError("--preview writes one picture: leave out --explain and --resume")
         file = preview_file(own.out)
         check_request(instruction, views, file, own.explain)
         common.apply()
-        seeds = range(common.seed, common.seed + max(own.seeds, 1))
         return run_preview(
-            scene, load, instruction, file, views, editor, values, seeds,
+            scene, load, instruction, file, views, editor, values, common.seed,
             masks=masks, force=own.force, as_json=common.json,
         )  # fmt: skip
     folder = check_request(instruction, views, own.out, own.explain)
@@ -239,7 +235,7 @@ def asked_of_editor(asked: EditCommand, *, exact: bool) -> tuple[EditSettings, d
     settings, strategy = resolve(own.preset, values, own_flags(edit))
     if exact or not asked.drawn:
         return settings, {}
-    from gsedit.paper import strategy as traits
+    from gsedit.paper import request as traits
 
     traits.check_strategy(strategy)
     if idle := idle_options(values, settings, own_flags(edit)):
@@ -315,7 +311,7 @@ def run_and_show(
     begin with the `earlier` ones of a resumed edit.
     """
     from gsedit.measures.against import UNFINISHED
-    from gsedit.pictures.stage_table import table
+    from gsedit.pictures.figures import table
     from gsedit.runs.events import Checkpoint, Event
     from gsedit.runs.journal import event_journal
 

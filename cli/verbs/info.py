@@ -78,7 +78,7 @@ def show_summary(
 
     summary, sample = summarise(source)
     if plot is not None:
-        from gsedit.pictures.histograms import plot_histograms
+        from gsedit.pictures.scene_table import plot_histograms
 
         plot_histograms(sample, scene.name, plot, overwrite=force)
     size = bytes_of(source.path)
@@ -102,9 +102,9 @@ def check_scene(scene: Path, source: SceneSource, checks: CheckOptions, *, as_js
 
 def bytes_of(path: Path) -> int:
     """Return the size of a file, or of the folder of a SOG scene that it is the index of."""
-    from gsedit.formats.table import INDICES
+    from gsedit.formats.table import INDEX
 
-    files = path.parent.rglob("*") if path.name in INDICES else [path]
+    files = path.parent.rglob("*") if path.name == INDEX else [path]
     return sum(file.stat().st_size for file in files if file.is_file())
 
 

@@ -5,18 +5,17 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable
 from functools import reduce
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from gsedit.errors import UsageError
 
-from ..core.command import argument, flag
+from ..core.command import argument
 from ..core.console import print_message, print_result
-from ..options.common import Common, Force
+from ..options.common import Common
 
 if TYPE_CHECKING:
     from gsedit.editors import Listing
-    from gsedit.paper.presets import Preset
+    from gsedit.paper.settings import Preset
 
     from ..options.settings import Setting
 
@@ -37,19 +36,9 @@ Name = Annotated[
         "looks: a sentence, to see what it asks for. settings: a verb, as edit or fit.",
     ),
 ]
-Sheet = Annotated[
-    Path | None,
-    flag(
-        "--output -o",
-        "looks: picture to write, with every look on the built-in scene (about a minute).",
-        "PATH",
-    ),
-]
 
 
-def list_(
-    what: What, name: Name = None, out: Sheet = None, force: Force = False, *, common: Common
-) -> None:
+def list_(what: What, name: Name = None, *, common: Common) -> None:
     """List the 2D editors, masks, presets, looks or settings.
 
     gsedit list editors
@@ -63,8 +52,6 @@ def list_(
     gsedit list settings edit
     """
     common.apply()
-    if out is not None and what != "looks":
-        raise UsageError(f"-o writes the picture of the looks: leave it out for {what}")
     if what in ("editors", "masks", "presets") and name is not None:
         raise UsageError(f"{name}: list {what} takes no name")
     if what == "editors":
@@ -75,11 +62,6 @@ def list_(
         list_presets(as_json=common.json)
     elif what == "settings":
         list_settings(name or "edit", as_json=common.json)
-    elif out is not None:
-        from gsedit.editors.small.look_sheet import write_sheet
-
-        write_sheet(out, force)
-        print_result({"sheet": out}, str(out), as_json=common.json)
     elif name is not None:
         explain_sentence(name, as_json=common.json)
     else:
@@ -101,11 +83,12 @@ def list_editors(*, as_json: bool) -> None:
 
 def list_masks(*, as_json: bool) -> None:
     """Print every mask provider, of gsedit and of other packages."""
-    from gsedit.editors.masks import list_masks
+    from gsedit.editors import list_masks
 
-    for name, summary in list_masks():
-        record = {"name": name, "summary": summary}
-        print_result(record, f"{name:<12} {summary}", as_json=as_json)
+    for each in list_masks():
+        record, origin = {**vars(each), "ready": each.ready}, f"from {each.source}"
+        text = each.summary if each.source == "gsedit" else origin
+        print_result(record, f"{each.name:<12} {text}", as_json=as_json)
     if not as_json:
         print_message(
             'use one: gsedit select ... --phrase "the chair" --masks NAME, or gsedit edit ... '
@@ -115,7 +98,7 @@ def list_masks(*, as_json: bool) -> None:
 
 def list_presets(*, as_json: bool) -> None:
     """Print the options that each preset of `gsedit edit` sets."""
-    from gsedit.paper.presets import PRESETS
+    from gsedit.paper.settings import PRESETS
 
     from .edit import all_settings
 
@@ -167,7 +150,7 @@ def list_looks(*, as_json: bool) -> None:
     if not as_json:
         print_message(
             "ask in your own words, for one look of the subject, one of the scene, or both; test a "
-            'sentence: gsedit list looks "SENTENCE"; draw them: gsedit list looks -o looks.png\n'
+            'sentence: gsedit list looks "SENTENCE"\n'
             "--editor small draws all of these. By default they are done on the Gaussians, "
             f"{', '.join(sorted(UNCLEAR))} are refused, and small draws only what is asked for "
             "as impressionist: its watercolor, hardly seen"

@@ -18,8 +18,7 @@ from ..options.pointing import views_to_point_at
 
 if TYPE_CHECKING:
     from gsedit.datasets.viewpoints import Viewpoint
-    from gsedit.surveying.points import SurfacePoint
-    from gsedit.surveying.sizes import Size
+    from gsedit.surveying.sizes import Size, SurfacePoint
     from rasterizer.scene import Gaussians
 
 COORDINATES = re.compile(r"\s*-?[\d.]+(e-?\d+)?\s*(,\s*-?[\d.]+(e-?\d+)?\s*){2}", re.IGNORECASE)
@@ -87,7 +86,7 @@ def point(text: str, gaussians: Gaussians, views: Sequence[Viewpoint]) -> Surfac
 
     from gsedit.select.finder import click_on
     from gsedit.select.where import place_of
-    from gsedit.surveying.points import SurfacePoint, point_at
+    from gsedit.surveying.sizes import SurfacePoint, point_at
 
     if COORDINATES.fullmatch(text):
         return SurfacePoint(np.array([float(each) for each in text.split(",")]))

@@ -44,7 +44,7 @@ def mesh(
 
     Views are those of --data, those beside the scene, or found ones. Units are the scene's.
     """
-    from gsedit.meshing.files import SUFFIXES
+    from gsedit.meshing.triangles import SUFFIXES
 
     if own.out.suffix.lower() not in SUFFIXES:
         raise UsageError(f"-o {own.out}: name a mesh file: {', '.join(SUFFIXES)}")

@@ -223,7 +223,9 @@ def gather(
     from gsedit.capture.matches import match_pictures
     from gsedit.measures.against import find_alone
     from gsedit.measures.evaluation_input import REGION_IS, EvaluationInput
+    from gsedit.select.masked import read_masks
 
+    drawn = own.subject_masks
     scene = load_scene(path, drop_invalid=drop_invalid)
     unedited = None
     if against.unedited is not None:
@@ -241,19 +243,12 @@ def gather(
         unedited=unedited,
         region=known,
         region_is=REGION_IS if own.region is None else "the region that was given",
-        subject_masks=drawn_masks(own.subject_masks, views),
+        subject_masks={} if drawn is None else read_masks(drawn, views.viewpoints),
         matcher=match_pictures,
         edited_region=after,
         execution=execution,
         masks=masks,
     )
-
-
-def drawn_masks(folder: Path | None, views: ViewList) -> dict[int, Tensor]:
-    """The masks in a folder, by the index of the view. Raises InputError as `read_masks` does."""
-    from gsedit.select.masked import read_masks
-
-    return {} if folder is None else read_masks(folder, views.viewpoints)
 
 
 def known(region: str) -> str:

@@ -89,7 +89,7 @@ def recolor(
 
     from gsedit.toolkit import palette as palettes
     from gsedit.toolkit.grade import Grade
-    from gsedit.toolkit.on_selection import OnOnePart
+    from gsedit.toolkit.operation import OnOnePart
     from gsedit.toolkit.recolor import Opacity, Recolor
 
     operations: list[Operation] = []

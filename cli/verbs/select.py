@@ -208,15 +208,17 @@ def flags_of(source: SceneSource, selection: Selection, *, drop_invalid: bool) -
 
     from gsedit.formats.streams import gather
     from gsedit.formats.validity import Guard
-    from gsedit.toolkit.on_selection import masked, without_bands
 
     for note in source.notes:
         print_message(f"{source.path}: {note}")
     guard = Guard(drop=drop_invalid)
     blocks = guard(source.blocks())
-    if selection.whole and not selection.view_dependent:
-        header = source.header.replace(degree=0)
-        blocks = iter([gather(map(without_bands, blocks), header, source.count)])
-    masks = [inside for _, inside in masked(blocks, selection)]
+    header = source.header
+    if not selection.view_dependent:  # most of the memory is SH above the first band
+        header = header.replace(degree=0)
+        blocks = (table.replace(sh=table.sh[:, :1]) for table in blocks)
+    if selection.whole:
+        blocks = iter([gather(blocks, header, source.count)])
+    masks = [selection.mask(table) for table in blocks]
     guard.check(source.path)
     return np.concatenate(masks) if masks else np.zeros(0, bool)

@@ -15,7 +15,7 @@ from ..options.numbers import numbers
 from ..options.selection import SelectionOptions
 
 if TYPE_CHECKING:
-    from gsedit.toolkit.transform import Transform, TransformAboutCenter
+    from gsedit.toolkit.transform import Transform
 
 _PLACES = count()
 
@@ -101,15 +101,14 @@ def transform(
     cameras: Cameras = False,
     *,
     selection: SelectionOptions,
-) -> Transform | TransformAboutCenter:
+) -> Transform:
     """Move, turn, scale or mirror a scene or a part of it.
 
     gsedit transform scene.ply --up z,-y --scale 2 --translate 0,1,0 -o moved.ply
 
     Steps run in the order of the command line. Covariances and SH follow exactly.
     """
-    from gsedit.toolkit.steps import compose
-    from gsedit.toolkit.transform import transform_of
+    from gsedit.toolkit.transform import compose, transform_of
 
     given = in_order(
         {"translate": translate, "rotate": rotate, "rotate_axis": rotate_axis, "quat": quat,

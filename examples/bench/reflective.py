@@ -214,29 +214,6 @@ def garden(directions: Float[Tensor, "*m 3"]) -> Float[Tensor, "*m 3"]:
     return light + 9 * torch.sigmoid(((directions @ sun) - 0.97) / 0.004)[..., None]
 
 
-def room(directions: Float[Tensor, "*m 3"]) -> Float[Tensor, "*m 3"]:
-    """A room with two windows, a red wall, a bookcase, a lamp and boards, all soft; z is up."""
-    half = directions.new_tensor((1.25, 1.0, 0.75))
-    reach = (half / directions.abs().clamp_min(1e-6)).amin(-1, keepdim=True)
-    x, y, z = (reach * directions).unbind(-1)
-
-    def put(light: Tensor, color: Triple, *inside: Tensor) -> Tensor:
-        share = torch.stack([torch.sigmoid(each / 0.03) for each in inside]).prod(0)
-        return _between(light, light.new_tensor(color).expand_as(light), share)
-
-    light = directions.new_tensor((0.55, 0.52, 0.47)).expand_as(directions)
-    light = put(light, (0.28, 0.12, 0.10), x - 1.2)
-    light = put(light, (0.10, 0.16, 0.20), -y - 0.95, 0.5 - (x - 0.3).abs(), 0.3 - z)
-    boards = _mixed(directions, (0.16, 0.085, 0.04), (0.26, 0.15, 0.08), 0.5 + 0.5 * (18 * y).sin())
-    light = _between(light, boards, torch.sigmoid((-z - 0.7) / 0.03))
-    light = put(light, (0.70, 0.70, 0.68), z - 0.7)
-    for at in (-0.5, 0.45):
-        window = 0.3 - (x - at).abs(), 0.38 - (z - 0.12).abs()
-        light = put(light, (4.0, 4.6, 5.2), y - 0.95, *window)
-    lamp = 0.15 - (x + 0.2).abs(), 0.15 - (y + 0.2).abs()
-    return put(light, (6.0, 5.2, 4.2), z - 0.7, *lamp)
-
-
 def plain_base(color: Triple) -> Callable[[Tensor], Tensor]:
     """A base color, given for a display, that is the same everywhere."""
     linear = torch.from_numpy(linear_of_srgb(torch.tensor(color, dtype=torch.float64).numpy()))

@@ -14,15 +14,6 @@ from gsedit.runs.events import Event
 
 Output = Annotated[Path, typer.Option("-o", "--output", help="Folder for the results.")]
 Quick = Annotated[bool, typer.Option("--quick", help="Fewer and smaller cases.")]
-Points = Annotated[
-    Path | None,
-    typer.Option(
-        "--points",
-        envvar="GSEDIT_GARDEN",
-        show_default=False,
-        help="Points of the garden scene: garden.npz, a test asset of gsplat.",
-    ),
-]
 
 Row = TypeVar("Row")
 

@@ -1,4 +1,8 @@
-"""Pictures for one tab: the newest camera only, coarse while it moves, full when it rests."""
+"""Pictures for one tab: one scene, two with a wipe between them, or two beside each other.
+
+Only the newest camera is drawn, coarse while it moves and in full when it rests; of short work
+that is asked for meanwhile only the latest of each kind counts.
+"""
 
 from __future__ import annotations
 
@@ -6,10 +10,171 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from threading import Condition, Thread
+from typing import Any, Literal
 
 import numpy as np
+import torch
+from jaxtyping import Bool, Float, UInt8
+from torch import Tensor
 
 from rasterizer.camera import Camera
+from rasterizer.numerics import DEFAULT, Numerics, color_to_sh
+from rasterizer.project import Box
+from rasterizer.render import render
+from rasterizer.scene import Gaussians
+
+BACKGROUND = (0.11, 0.12, 0.14)
+"""Behind the scene: dark, and not the black of a hole."""
+LINE = (255, 255, 255)
+LINE_PIXELS = 2
+"""Width of the line between two scenes."""
+STRENGTH = 0.5
+"""Share of the tint in the color of what is selected."""
+
+BESIDE_SCALE = 0.55
+"""Size of things where two scenes share the width: between all of them, and as large as before."""
+
+Way = Literal["wipe", "beside"]
+
+
+@dataclass(frozen=True, eq=False)
+class DisplayState:
+    """One or two scenes as a tab shows them."""
+
+    scene: Gaussians | None = None
+    numerics: Numerics = DEFAULT
+    before: Gaussians | None = None
+    """The scene to compare with: on the left."""
+    way: Way = "wipe"
+    wipe: float = 0.5
+    """Place of the line from the left, as a share of the picture's width."""
+
+    @property
+    def count(self) -> int:
+        """Number of the Gaussians that one picture draws."""
+        return max((len(each) for each in (self.scene, self.before) if each is not None), default=0)
+
+    def camera(self, camera: Camera) -> Camera:
+        """The camera by which the scene is drawn: half as wide, and showing nearly as much, where
+        two are beside each other."""
+        if self.before is None or self.way == "wipe":
+            return camera
+        width = max(camera.width // 2, 1)
+        fx, fy = BESIDE_SCALE * camera.fx, BESIDE_SCALE * camera.fy
+        return replace(camera, fx=fx, fy=fy, cx=width / 2, width=width)
+
+
+@torch.no_grad()
+def picture(shown: DisplayState, camera: Camera) -> UInt8[np.ndarray, "h w 3"]:
+    """Draw what is shown; without a scene the background."""
+    height, width = camera.height, camera.width
+    if shown.scene is None:
+        return np.broadcast_to(_bytes(torch.tensor(BACKGROUND)), (height, width, 3)).copy()
+    if shown.before is None:
+        return _bytes(_drawn(shown, shown.scene, camera, (0, 0, width, height)))
+    if shown.way == "beside":
+        half = shown.camera(camera)
+        box = (0, 0, half.width, half.height)
+        left, right = (_drawn(shown, each, half, box) for each in (shown.before, shown.scene))
+        gap = torch.ones(height, width - 2 * half.width, 3)
+        split, joined = half.width, _bytes(torch.cat((left, right, gap), 1))
+    else:
+        split = round(shown.wipe * width)
+        parts = []
+        for each, start, end in ((shown.before, 0, split), (shown.scene, split, width)):
+            if end > start:
+                parts.append(_drawn(shown, each, camera, (start, 0, end - start, height)))
+        joined = _bytes(torch.cat(parts, 1))
+    if 0 < split < width:
+        joined[:, max(split - LINE_PIXELS // 2, 0) : split + LINE_PIXELS // 2] = LINE
+    return joined
+
+
+def tinted(
+    scene: Gaussians, flags: Bool[Tensor, " n"], color: tuple[float, float, float]
+) -> Gaussians:
+    """The scene with the flagged Gaussians mixed with a color, in [0, 1]."""
+    sh = scene.sh.clone()
+    sh[flags] *= 1 - STRENGTH
+    sh[flags, 0] += STRENGTH * color_to_sh(torch.tensor(color)).to(sh)
+    return replace(scene, sh=sh)
+
+
+def depth_at(scene: Gaussians, camera: Camera, x: float, y: float, numerics: Numerics) -> float:
+    """Depth along the view of what is seen at a pixel, world units; 0 where nothing is."""
+    column = min(max(int(x), 0), camera.width - 1)
+    row = min(max(int(y), 0), camera.height - 1)
+    drawn = render(scene, camera, crop=(column, row, 1, 1), median_depth=True, numerics=numerics)
+    assert drawn.median_depth is not None  # it was asked for
+    return float(drawn.median_depth)
+
+
+def _drawn(
+    shown: DisplayState, scene: Gaussians, camera: Camera, box: Box
+) -> Float[Tensor, "h w 3"]:
+    background = torch.tensor(BACKGROUND).to(scene.means)
+    return render(scene, camera, background=background, crop=box, numerics=shown.numerics).color
+
+
+def _bytes(color: Tensor) -> np.ndarray:
+    return (color.clamp(0, 1) * 255 + 0.5).byte().numpy()
+
+
+class LatestOnlyWorker:
+    """A thread that does short pieces of work, one at a time.
+
+    A newer request of a key replaces one that waits, and drops the result of one that runs.
+    """
+
+    def __init__(self, fail: Callable[[Exception], None]) -> None:
+        """Start the thread; `fail` is given what work raises."""
+        self._fail = fail
+        self._waiting: dict[str, tuple[int, Callable[[], Any], Callable[[Any], None]]] = {}
+        self._newest: dict[str, int] = {}
+        self._number = 0
+        self._ended = False
+        self._changed = Condition()
+        Thread(target=self._run, daemon=True, name="latest only").start()
+
+    def ask(self, key: str, work: Callable[[], Any], then: Callable[[Any], None]) -> None:
+        """Do `work`, then give what it returns to `then`, both in the thread."""
+        with self._changed:
+            self._number += 1
+            self._newest[key] = self._number
+            self._waiting.pop(key, None)  # to the end of the line
+            self._waiting[key] = self._number, work, then
+            self._changed.notify()
+
+    def drop(self, key: str) -> None:
+        """Forget the request of a key: its result is not wanted any more."""
+        with self._changed:
+            self._waiting.pop(key, None)
+            self._newest.pop(key, None)
+
+    def end(self) -> None:
+        """End the thread after the work in hand."""
+        with self._changed:
+            self._ended = True
+            self._changed.notify()
+
+    def _run(self) -> None:
+        while True:
+            with self._changed:
+                while not self._waiting and not self._ended:
+                    self._changed.wait()
+                if self._ended:
+                    return
+                key = next(iter(self._waiting))
+                number, work, then = self._waiting.pop(key)
+            try:
+                value = work()
+                with self._changed:
+                    wanted = self._newest.get(key) == number and not self._ended
+                if wanted:
+                    then(value)
+            except Exception as error:
+                self._fail(error)
+
 
 SMALL_SCENE, LARGE_SCENE = 300_000, 1_000_000
 """Gaussians of a scene that moves at FAST frames a second, and of one that moves at SLOW."""

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import ctypes
+import sys
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from threading import RLock
 from typing import TYPE_CHECKING
 
 import torch
@@ -12,8 +16,7 @@ import torch
 from gsedit.cameras.around import FOUND_VIEWS, find_viewpoints
 from gsedit.cameras.paths import up_of
 from gsedit.datasets.cameras_json import cameras_file, read_cameras
-from gsedit.datasets.near import viewpoints_near
-from gsedit.datasets.viewpoints import Viewpoint, same_size, that_see, thinned
+from gsedit.datasets.viewpoints import Viewpoint, same_size, that_see, thinned, viewpoints_near
 from gsedit.formats.scenes import read_scene
 from gsedit.scene.cache import SceneCache
 from gsedit.scene.framing import Bounds, bounds, framing_camera, guess_up
@@ -23,6 +26,60 @@ from rasterizer.scene import Gaussians
 
 if TYPE_CHECKING:
     from gsedit.select.finder import Finder
+
+ARENAS_OPTION, ARENAS = -8, 2
+"""M_ARENA_MAX of mallopt(3), and how many heaps threads share."""
+
+
+def share_heaps() -> None:
+    """Let threads share heaps; to be called before they start. Nothing where the C library has no
+    such option."""
+    with suppress(OSError, AttributeError):
+        if sys.platform == "linux":
+            ctypes.CDLL(None).mallopt(ARENAS_OPTION, ARENAS)
+
+
+def give_back() -> None:
+    """Return what is free, as far as the C library can."""
+    with suppress(OSError, AttributeError):
+        if sys.platform == "linux":
+            ctypes.CDLL(None).malloc_trim(0)
+
+
+KEPT_GAUSSIANS = 1_200_000
+"""Gaussians of the scenes in memory, the newest aside: 280 MB at SH degree 3. Going back and forth
+between them reads nothing again."""
+
+
+class Scenes:
+    """Scenes by their files, each read once while there is room."""
+
+    def __init__(self, most: int = KEPT_GAUSSIANS) -> None:
+        """Begin without any scene; keep `most` Gaussians beside the newest."""
+        self._most = most
+        self._scenes: dict[Path, Loaded] = {}
+        self._lock = RLock()
+
+    def __len__(self) -> int:
+        """Return the number of scenes in memory."""
+        return len(self._scenes)
+
+    def load(self, file: Path) -> Loaded:
+        """The scene of a file. Raises InputError for a damaged one."""
+        with self._lock:
+            found = self._scenes.pop(file, None) or read(file)
+            self._scenes[file] = found
+            most = self._most + len(found.scene)
+            while sum(len(each.scene) for each in self._scenes.values()) > most:
+                self._scenes.pop(next(iter(self._scenes)))
+            return found
+
+    def forget(self, folder: Path) -> None:
+        """Drop the scenes of the files in a folder, which is removed."""
+        with self._lock:
+            for file in [each for each in self._scenes if each.is_relative_to(folder)]:
+                self._scenes.pop(file)
+
 
 VIEW_PIXELS = 256
 """Longer side of the views in which edits and selections look at the scene, as the command line

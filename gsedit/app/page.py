@@ -8,18 +8,14 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from threading import RLock, Thread
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 from torch import Tensor
 
 from gsedit.app import document as documents
-from gsedit.app import undone
-from gsedit.app.document import Document, Eye, Pending, Step
-from gsedit.app.jobs import Done, JobRunner, Work
-from gsedit.app.listeners import Audience
-from gsedit.app.loaded import Loaded
+from gsedit.app.document import Document, Eye, Pending, Step, Undone
+from gsedit.app.loaded import Loaded, Scenes
 from gsedit.app.places import Places, free
-from gsedit.app.scenes import Scenes
 from gsedit.app.steps import (
     CHECKPOINT,
     bring_along,
@@ -29,13 +25,81 @@ from gsedit.app.steps import (
     step_of,
     watch,
 )
-from gsedit.app.undone import Undone
-from gsedit.app.worker import Cancelled, Worker
-from gsedit.datasets.viewpoints import Viewpoint
+from gsedit.app.worker import Cancelled, Done, JobRunner, Work, Worker
 from gsedit.errors import GseditError, UsageError
-from gsedit.select.saved import saved_names
 from rasterizer.camera import Camera
 from rasterizer.scene import Gaussians
+
+
+@runtime_checkable
+class Screen(Protocol):
+    """A tab, as far as its page knows it."""
+
+    def refresh(self) -> None:
+        """Show what the page has now."""
+        ...
+
+    def new_scene(self) -> None:
+        """Show the page's scene alone: it is another."""
+        ...
+
+    def tell(self, text: str) -> None:
+        """Tell that something has changed."""
+        ...
+
+    def fail(self, error: Exception | str) -> None:
+        """Say what went wrong."""
+        ...
+
+    def close(self) -> None:
+        """End what the tab has begun."""
+        ...
+
+
+class Audience:
+    """Tabs of a page, and functions that are called after changes, each as long as its tab is
+    open."""
+
+    def __init__(self) -> None:
+        """Begin without any tab."""
+        self.tabs: list[Screen] = []
+        self._functions: list[tuple[Screen, str, Callable[[], None]]] = []
+
+    def join(self, tab: Screen) -> None:
+        """Take a tab that was opened."""
+        self.tabs.append(tab)
+
+    def part(self, tab: Screen) -> None:
+        """Forget a tab that was closed; work goes on without it."""
+        if tab in self.tabs:
+            self.tabs.remove(tab)
+        self._functions = [each for each in self._functions if each[0] is not tab]
+        tab.close()
+
+    def listen(self, tab: Screen, what: str, function: Callable[[], None]) -> None:
+        """Call a function after each change of the "scene", the "selection", the "document" or
+        "busy", as long as the tab is open."""
+        self._functions.append((tab, what, function))
+
+    def notify(self, what: str) -> None:
+        """Call the functions that listen to a change; what one raises its tab says."""
+        for tab, each, function in list(self._functions):
+            if each == what:
+                try:
+                    function()
+                except Exception as error:
+                    tab.fail(error)
+
+    def say(self, text: str) -> None:
+        """Say something in all tabs."""
+        for tab in list(self.tabs):
+            tab.tell(text)
+
+    def fail(self, error: Exception | str) -> None:
+        """Say in all tabs what went wrong."""
+        for tab in list(self.tabs):
+            tab.fail(error)
+
 
 NOTHING_OPEN = "open a scene first: under File, by its path, or drop it on the page"
 
@@ -107,10 +171,6 @@ class Page(Audience):
         middle = camera.center.new_tensor(bulk.center)
         return max(float((middle - camera.center) @ camera.forward), 0.1 * bulk.radius)
 
-    def viewpoints(self) -> tuple[Viewpoint, ...]:
-        """Views recorded beside the scene, or found ones, which can take seconds."""
-        return self.loaded.viewpoints
-
     # -- the selection
 
     def select(self, flags: Tensor | None, note: str = "") -> None:
@@ -129,9 +189,10 @@ class Page(Audience):
             return None
         return region_file(self.selection, self.folder)
 
-    def names(self) -> tuple[str, ...]:
-        """Names of the selections that are saved beside the current scene."""
-        return saved_names(self.scene_file) if self.has_scene else ()
+    def region_options(self) -> tuple[str, ...]:
+        """Options that keep a command to the selection; none where nothing is selected."""
+        file = self.selection_file()
+        return () if file is None else ("--region", str(file))
 
     # -- the session
 
@@ -221,16 +282,18 @@ class Page(Audience):
 
     def undone(self) -> Undone:
         """Steps that are undone, or never ended, and their size on the disk."""
-        return undone.undone(self.document, self.folder)
+        return documents.undone(self.document, self.folder)
 
     def discard_undone(self) -> None:
         """Remove them for good. Raises UsageError where a command is in hand."""
         self._jobs.check_idle()
         found = self.undone()
-        self.change(undone.without(self.document))  # first: no step names a scene that is gone
+        self.change(
+            documents.without_undone(self.document)
+        )  # first: no step names a scene that is gone
         for each in found.folders:
             self._scenes.forget(each)
-        undone.remove(found)
+        documents.remove(found)
         self.notify("document")
 
     def new_file(self, name: str) -> Path:
@@ -278,10 +341,6 @@ class Page(Audience):
         where it has one."""
         if self.document.pending is not None and self.folder is not None:
             self._begin(resumed(self.document.pending, self.folder), None)
-
-    def forget(self) -> None:
-        """Give up the step that was in hand when the page was killed."""
-        self.change(replace(self.document, pending=None))
 
     def run(
         self,

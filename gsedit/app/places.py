@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from gsedit.errors import UsageError
@@ -18,10 +18,6 @@ class Places:
 
     folders: tuple[Path, ...]
     """Resolved: links in them lead nowhere else."""
-
-    def with_folder(self, folder: Path) -> Places:
-        """These places and one more."""
-        return replace(self, folders=(*self.folders, folder.resolve()))
 
     def check(self, path: Path | str) -> Path:
         """The resolved path; a relative one is below the first folder. Raises UsageError for one

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
@@ -14,8 +14,7 @@ import torch
 from jaxtyping import UInt8
 
 from gsedit.app.frames import SMALL_SCENE
-from gsedit.app.loaded import Loaded
-from gsedit.app.memory import give_back
+from gsedit.app.loaded import Loaded, give_back
 from gsedit.app.reading import Reading, editor_2d, read
 from gsedit.editing.edit import change_steps
 from gsedit.editing.measure import Changed
@@ -77,13 +76,15 @@ class Previewer:
         )  # fmt: skip
         return (found.after[0].image.clamp(0, 1) * 255 + 0.5).byte().numpy()
 
-    def prepare(self, wanted: Callable[[], bool] = lambda: True) -> None:
-        """Warm the caches: the subject; for small scenes also what the sentences PREPARED need.
-        Stop when it is not `wanted`."""
+    def prepare(
+        self, wanted: Callable[[], bool] = lambda: True, sentences: Sequence[str] = PREPARED
+    ) -> None:
+        """Warm the caches: the subject; for small scenes also what the sentences need. Stop when it
+        is not `wanted`."""
         with suppress(GseditError):  # the preview that needs it will tell
             _ = self.finder.subject
         small = len(self.loaded.scene) <= SMALL_SCENE
-        for sentence in PREPARED if small else ():
+        for sentence in sentences if small else ():
             with suppress(GseditError):
                 if wanted():
                     self.scene(read(sentence), self.loaded.first_camera())

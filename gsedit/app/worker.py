@@ -7,20 +7,113 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, fields
-from threading import Lock, Thread
+from dataclasses import dataclass, fields, replace
+from threading import Lock, RLock, Thread
 from typing import Any
 
-from gsedit.errors import GseditError
+from gsedit.errors import MOVES, GseditError, Said, UsageError
 from gsedit.runs.events import Event
+from gsedit.runs.stopwatch import Stopwatch
+
+BETWEEN_NOTICES = 0.2
+"""Seconds between two notices of progress."""
+BETWEEN_TRIES = 0.02
+"""Seconds between two tries to cancel a command that is being started."""
+Done = Callable[[dict[str, Any]], None]
+Failed = Callable[[Exception], None]
+
+
+@dataclass(frozen=True)
+class Work:
+    """The command in hand."""
+
+    title: str
+    command: tuple[str, ...]
+    watch: Stopwatch
+    event: Event | None = None
+    line: str = ""
+    """The last message of the command."""
+
+    @property
+    def share(self) -> float | None:
+        """How much of the stage in hand is done, in [0, 1]; None where that is not known."""
+        event = self.event
+        return None if event is None or not event.steps else min(event.step / event.steps, 1.0)
+
+    def describe(self) -> str:
+        """One line: the work, how far it is, and since when."""
+        stage = "" if self.event is None else self.event.stage
+        count = "" if not self.share else f" {100 * self.share:.0f} %"
+        return f"{self.title}: {stage}{count}, {self.watch.seconds:.0f} s".replace(": ,", ",")
+
+
+class JobRunner:
+    """Runs commands of the worker one at a time, in a thread."""
+
+    def __init__(self, worker: Worker, tell: Callable[[], None]) -> None:
+        """Take the worker; `tell` is called after each change of `busy`."""
+        self.worker = worker
+        self.busy: Work | None = None
+        self._tell = tell
+        self._told = Stopwatch()
+        self._lock = RLock()
+
+    def check_idle(self) -> None:
+        """Raise UsageError where a command is in hand."""
+        if self.busy is not None:
+            raise UsageError(f"“{self.busy.title}” is still being done: wait for it, or cancel it")
+
+    def begin(self, command: Sequence[str], title: str, done: Done, failed: Failed) -> None:
+        """Run a command. Then `done` is given the record of its result, or `failed` the error; both
+        in a thread, when the next command may begin. Raises UsageError as `check_idle`."""
+        with self._lock:
+            self.check_idle()
+            self.busy = work = Work(title, tuple(command), Stopwatch())
+        self._tell()
+        Thread(target=self._run, args=(work, done, failed), daemon=True, name="work").start()
+
+    def cancel(self) -> None:
+        """End the command in hand, if any, also one whose process is only being started."""
+        work = self.busy
+        while work is not None and (now := self.busy) is not None and now.watch is work.watch:
+            if self.worker.cancel():
+                return
+            time.sleep(BETWEEN_TRIES)
+
+    def _run(self, work: Work, done: Done, failed: Failed) -> None:
+        try:
+            try:
+                record = self.worker.run((*work.command, "--json"), self._on_event, self._on_line)
+            finally:
+                self.busy = None
+            done(record)
+        except Exception as error:
+            failed(error)
+        self._tell()
+
+    def _on_event(self, event: Event) -> None:
+        self._change(lambda work: replace(work, event=event))
+
+    def _on_line(self, line: str) -> None:
+        self._change(lambda work: replace(work, line=line))
+
+    def _change(self, change: Callable[[Work], Work]) -> None:
+        with self._lock:
+            if self.busy is None:
+                return
+            self.busy = change(self.busy)
+            if self._told.seconds < BETWEEN_NOTICES:
+                return
+            self._told = Stopwatch()
+        self._tell()
+
 
 PATIENCE = 5.0
 """Seconds that a cancelled command has for its checkpoint before it is killed."""
 _EVENT_FIELDS = frozenset(each.name for each in fields(Event))
-_SAYS = "gsedit: "
-"""Beginning of the line by which a command says why it failed."""
 
 
 class Cancelled(GseditError):
@@ -75,16 +168,16 @@ class Worker:
             running = self._running = Running(self._spare)
             self._spare = None
         try:
-            record, lines = _conversation(running.process, arguments, on_event, on_line)
+            told, lines = _conversation(running.process, arguments, on_event, on_line)
         finally:
             with self._lock:
                 self._running = None
             self.warm()
         if running.cancelled:
             raise Cancelled("cancelled")
-        if running.process.returncode:
-            raise GseditError(_sentence(lines, running.process.returncode))
-        return record
+        if code := running.process.returncode:
+            raise GseditError(_said(told.get("error"), lines, code))
+        return told.get("result", {})
 
     def cancel(self) -> bool:
         """End the command that runs, if any; it may write a checkpoint first. Whether one ran."""
@@ -124,7 +217,7 @@ def _conversation(
     on_event: Callable[[Event], None],
     on_line: Callable[[str], None],
 ) -> tuple[dict[str, Any], list[str]]:
-    """Tell a process its arguments and hear it to its end; the result's record, and messages."""
+    """Tell a process its arguments and hear it to its end; records by their type, and messages."""
     assert process.stdin is not None
     assert process.stdout is not None
     lines: list[str] = []
@@ -133,20 +226,20 @@ def _conversation(
     with suppress(BrokenPipeError):
         process.stdin.write(json.dumps(list(arguments)) + "\n")
         process.stdin.flush()
-    record: dict[str, Any] = {}
+    told: dict[str, Any] = {}
     for line in process.stdout:
         with suppress(json.JSONDecodeError):
-            told = json.loads(line)
-            kind = told.pop("type", "") if isinstance(told, dict) else ""
+            record = json.loads(line)
+            kind = record.pop("type", "") if isinstance(record, dict) else ""
             if kind == "event":
-                on_event(Event(**{k: v for k, v in told.items() if k in _EVENT_FIELDS}))
-            elif kind == "result":
-                record = told
+                on_event(Event(**{k: v for k, v in record.items() if k in _EVENT_FIELDS}))
+            else:
+                told[kind] = record
     process.wait()
     with suppress(OSError):
         process.stdin.close()
     reader.join()
-    return record, lines
+    return told, lines
 
 
 def _read_messages(
@@ -159,16 +252,16 @@ def _read_messages(
             on_line(told)
 
 
-def _sentence(lines: Sequence[str], code: int) -> str:
-    """The line by which a command said why it failed."""
-    told = [line.removeprefix(_SAYS) for line in lines if line.startswith(_SAYS)]
-    usage = [line for line in lines if line.startswith("gsedit ")]
-    if told or usage:
-        return (told or usage)[-1]
+def _said(error: dict[str, Any] | None, lines: Sequence[str], code: int) -> Said:
+    """Why a command failed: by its own record, or by how it ended."""
+    if error is not None and error["move"] in MOVES:
+        return Said(error["what"], error["move"], **error["values"])
     if code < 0:
         name = signal.Signals(-code).name
-        return f"the command was ended by {name}: if that was for memory, close other programs"
-    return lines[-1] if lines else f"the command ended with code {code} and said nothing"
+        return Said(
+            f"the command was ended by {name}: if that was for memory, close other programs"
+        )
+    return Said(lines[-1] if lines else f"the command ended with code {code} and said nothing")
 
 
 def _end(process: subprocess.Popen[str]) -> None:

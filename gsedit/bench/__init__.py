@@ -1,1 +1,1 @@
-"""Benchmarks: error against run time of the renderer and the sampler, edge cases, targets."""
+"""Measurements of a machine: the renderer's speed with its errors, and its edge cases."""

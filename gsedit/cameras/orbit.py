@@ -26,6 +26,24 @@ def perpendicular(vectors: Float[Tensor, "*n 3"]) -> Float[Tensor, "*n 3"]:
     return torch.nn.functional.normalize(torch.linalg.cross(vectors, axis), dim=-1)
 
 
+def parallel(
+    middle: Float[Tensor, "3"],
+    axis: Float[Tensor, "3"],
+    up: Float[Tensor, "3"],
+    pixel: float,
+    size: tuple[int, int],
+    away: float,
+) -> Camera:
+    """A camera in parallel rays that looks at a middle against a unit vector, `away` before it.
+
+    Pixels have the side `pixel`, world units; `size` is width and height. A picture against `up`
+    has any direction upward.
+    """
+    upward = up if abs(float(up @ axis)) < 0.99 else perpendicular(axis)
+    camera = look_at(middle + away * axis, middle, upward, 60.0, *size)
+    return replace(camera, fx=1 / pixel, fy=1 / pixel, model="ortho", near=1e-3 * away)
+
+
 def towards(
     up: Float[Tensor, "3"], east: Float[Tensor, "3"], azimuth: float, elevation: float
 ) -> Float[Tensor, "3"]:

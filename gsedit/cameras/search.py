@@ -22,7 +22,7 @@ FOV = 55.0
 """Degrees, of found views: between a phone's camera and its wide lens."""
 OPAQUE, BLUR = 4.0, 3.0
 """Weights in the score of a view, beside the logarithm of the number of Gaussians a pixel. Chosen
-on three synthetic captures (docs/measurements/viewpoints.md)."""
+on three synthetic captures (docs/measurements/views.md)."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,7 @@ def propose(sample: Sample, count: int, generator: torch.Generator) -> Float[Ten
 
 def score_panorama(view: Panorama, masks: Float[Tensor, "d b"]) -> Float[Tensor, " d"]:
     """The score of looking into each direction: opaque, sharp and not blurred (AUC 0.98 against
-    what cameras really saw, docs/measurements/viewpoints.md). `masks` are 1 for the bins in view.
+    what cameras really saw, docs/measurements/views.md). `masks` are 1 for the bins in view.
     """
     _, solid = bin_directions()
     weight = (masks @ view.weight).clamp_min(1e-9)

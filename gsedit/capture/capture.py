@@ -12,17 +12,27 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from gsedit.capture.causes import Evidence, before_features, cause, hopeless, listed
-from gsedit.capture.child import Step, copy_database, rows
+from gsedit.capture.exif import FULL_FRAME_DIAGONAL, groups_of
 from gsedit.capture.folder import Found, find_photos
 from gsedit.capture.frames import Extraction, extract_steps, is_video
-from gsedit.capture.groups import FULL_FRAME_DIAGONAL, groups_of
 from gsedit.capture.photos import HEIC, Prepared, prepare, state_of
 from gsedit.capture.settings import FEWEST, Attempt, CaptureSettings, exhaustive, ladder, sequential
-from gsedit.capture.stages import LOG, Line, Stages, Working, fingerprint, remove
+from gsedit.capture.stages import (
+    LOG,
+    Line,
+    Stages,
+    Step,
+    Working,
+    copy_database,
+    fingerprint,
+    remove,
+    rows,
+)
 from gsedit.capture.upright import find_upright
 from gsedit.errors import GseditError, InputError, UsageError
 from gsedit.runs.events import Event
 from gsedit.storage.atomic import atomic_path
+from gsedit.storage.json_files import read_json
 
 WORK = "work"
 """The folder of the stages."""
@@ -127,7 +137,7 @@ def capture_steps(source: Path, out: Path, settings: CaptureSettings) -> Progres
     count, posed = len(prepared.photos), work.posed
     if not work.is_usable:
         raise InputError(
-            f"{source}: {posed or 'none'} of {count} photos could be posed: {work.cause()}"
+            f"{source}: {posed or 'none'} of {count} photos could be posed: " + work.cause()
         )
     result = yield from _finish(work, out)
     if result.missing:
@@ -140,13 +150,19 @@ def capture_steps(source: Path, out: Path, settings: CaptureSettings) -> Progres
 
 def _frames(source: Path, stages: Stages, settings: CaptureSettings) -> Working:
     """The frames of a video."""
-    folder = stages.place("frames")
-    folder.mkdir(exist_ok=True)
-    for item in extract_steps(source, folder, settings.frames):
-        if isinstance(item, Extraction):
-            return Found(item.paths, item.notes)
-        yield replace(item, seconds=stages.seconds)
-    raise RuntimeError("the frames ended without a result")
+    key = fingerprint(state_of([source]), settings.frames)
+    answer, folder = stages.answer("frames", key), stages.place(f"frames-{key}")
+    if not answer.exists():
+        remove(folder)
+        folder.mkdir()
+        for item in extract_steps(source, folder, settings.frames):
+            if isinstance(item, Extraction):
+                names = [path.name for path in item.paths]
+                stages.keep("frames", key, {"names": names, "notes": item.notes})
+            else:
+                yield replace(item, seconds=stages.seconds)
+    record = read_json(answer, advice="remove it")
+    return Found(tuple(folder / name for name in record["names"]), tuple(record["notes"]))
 
 
 def _prepared(found: Found, source: Path, stages: Stages, settings: CaptureSettings) -> Working:
@@ -210,7 +226,8 @@ class _Mapping:
                     return
                 posed = self.posed or "none"
                 yield Line(
-                    f"{posed} of {count} photos posed: trying again with {name} (--no-retries: not)"
+                    f"{posed} of {count} photos posed: trying again with {name}",
+                    "--no-retries: not",
                 )
             before = self.evidence
             database, key = yield from self._match(attempt)

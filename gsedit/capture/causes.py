@@ -11,6 +11,7 @@ import numpy as np
 from gsedit.capture.folder import counted
 from gsedit.capture.photos import HEIC, Prepared
 from gsedit.capture.settings import FEWEST
+from gsedit.errors import Said
 from gsedit.scene.neighbors import linked
 
 BLACK = 3.0
@@ -135,16 +136,14 @@ def cause(evidence: Evidence, count: int, posed: int) -> str:
         parts = ", ".join(str(size) for size in groups[:4] if size > 1)
         shown = f"matches connect groups of {parts}" if parts else "no two photos match well"
         neighbors_only = evidence.compared < count * (count - 1) // 2
-        every = ", or compare every pair with --matching exhaustive" if neighbors_only else ""
-        return (
+        return Said(
             f"too little overlap ({shown}): take photos in between, so that neighbors share two "
-            f"thirds of the picture{every}"
+            "thirds of the picture",
+            "every-pair" if neighbors_only else "",
         )
     if posed < 0.8 * count and not evidence.focal_known:
-        return (
-            "the photos match but do not fit together, and their focal length is unknown: name it "
-            "with --focal (a phone's main camera: 26), or use the camera's own files with EXIF"
-        )
+        what = "the photos match but do not fit together, and their focal length is unknown"
+        return Said(what, "focal")
     return (
         "the photos match but do not fit together: leave out what moved or mirrors, or take more "
         "photos from places between"

@@ -1,14 +1,14 @@
 """A video as photos: of every stretch of it, the sharpest frame.
 
-The video is decoded twice: once to measure every frame at a small size, once to write those chosen.
+PyAV decodes it twice: once to measure every frame at a small size, once to write those chosen.
 """
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,12 +16,11 @@ import numpy as np
 from jaxtyping import UInt8
 from PIL import Image
 
-from gsedit.capture.video import Decoded, Video, open_video
 from gsedit.errors import InputError
+from gsedit.runs.environment import load_extra
 from gsedit.runs.events import Event
 from gsedit.storage.atomic import atomic_path
-from gsedit.storage.json_files import read_json
-from gsedit.storage.safe_names import safe_name
+from gsedit.storage.inputs import existing_file
 
 SUFFIXES = (".mp4", ".mov", ".m4v", ".mkv", ".webm", ".avi", ".3gp", ".mts", ".m2ts")
 PER_SECOND = 2.0
@@ -52,7 +51,6 @@ MANY_BLURRED = 0.1
 """Share of the frames from which the user is told."""
 LEAST_FRAMES = 3
 """Different pictures: a video with fewer shows no scene from several sides."""
-CHOICE = "frames.json"
 
 
 @dataclass(frozen=True)
@@ -94,34 +92,28 @@ def extract_steps(
     None: as many as its length and its motion ask for. Each of `count` stretches of equal time
     gives its sharpest frame, except where the picture is still: it is taken once. Frames are turned
     as the video's metadata says, and at most LONGEST_SIDE pixels long. A video that is cut off
-    gives what can be decoded, with a note. The folder's frames.json keeps the choice: with it, work
-    that was interrupted goes on, and work that is done is not done again.
+    gives what can be decoded, with a note.
 
     Raises InputError for a file that is no video, that is black, or that shows one still picture;
     GseditError without PyAV.
     """
     begun = time.monotonic()
-    kept = _kept(video, folder, count)
-    if kept is None:
-        measured = []
-        with open_video(video) as source:
-            for frame in source.frames():
-                measured.append(measure(frame))
-                if len(measured) % 10 == 0:
-                    seconds = time.monotonic() - begun
-                    yield Event("video", seconds, len(measured), max(source.count, len(measured)))
-            notes = source.notes()
-        check_content(measured, video)
-        chosen = choose(measured, count)
-        kept = chosen, (*notes, *blur_notes(chosen, video))
-        _keep(video, folder, count, *kept)
-    chosen, notes = kept
-    missing = {frame.stamp: frame.name for frame in chosen if not (folder / frame.name).is_file()}
-    if missing:
-        with open_video(video) as source:
-            for done, name in enumerate(_write(source, folder, missing), 1):
-                note = f"the sharpest of each stretch: {name}"
-                yield Event("frames", time.monotonic() - begun, done, len(missing), note=note)
+    measured = []
+    with open_video(video) as source:
+        for frame in source.frames():
+            measured.append(measure(frame))
+            if len(measured) % 10 == 0:
+                seconds = time.monotonic() - begun
+                yield Event("video", seconds, len(measured), max(source.count, len(measured)))
+        notes = source.notes()
+    check_content(measured, video)
+    chosen = choose(measured, count)
+    notes = (*notes, *blur_notes(chosen, video))
+    names = {frame.stamp: frame.name for frame in chosen}
+    with open_video(video) as source:
+        for done, name in enumerate(_write(source, folder, names), 1):
+            note = f"the sharpest of each stretch: {name}"
+            yield Event("frames", time.monotonic() - begun, done, len(names), note=note)
     written = tuple(frame for frame in chosen if (folder / frame.name).is_file())
     if lost := len(chosen) - len(written):  # damage is not decoded alike each time
         notes = (*notes, f"{video}: {lost} of {len(chosen)} frames could not be decoded again")
@@ -286,37 +278,155 @@ def _write(source: Video, folder: Path, names: dict[int, str]) -> Iterator[str]:
             return
 
 
-def _request(video: Path, count: int | None) -> dict[str, Any]:
-    """Request that frames.json must have been made from, to be used again."""
-    stat = video.stat()
-    return {"video": video.name, "bytes": stat.st_size, "changed": stat.st_mtime, "count": count}
+COMPLETE = 0.95
+"""Share of the length that the file states, below which it counts as cut off."""
+UNSPECIFIED = 2
+"""AVCOL_SPC_UNSPECIFIED: the file does not name its color matrix."""
+HIGH_DEFINITION = 720
+"""Lines from which such a video is taken as BT.709 instead of BT.601."""
+
+TRUSTED = {
+    "format_whitelist": "mov,mp4,matroska,webm,avi,mpegts,mpeg,mpegvideo,flv,asf,ogg,gif",
+    "protocol_whitelist": "file",
+}
+"""FFmpeg goes by the content of a file, whatever its name: play lists and other formats that name
+files or addresses are not opened."""
 
 
-def _kept(
-    video: Path, folder: Path, count: int | None
-) -> tuple[tuple[Frame, ...], tuple[str, ...]] | None:
-    """The choice that an earlier call made of the same video; else the folder's frames go."""
+@dataclass(frozen=True, eq=False)
+class Decoded:
+    """A frame as it was decoded; its pixels are made when they are asked for."""
+
+    index: int
+    """From 0, of the frames that could be decoded."""
+    stamp: int
+    """Its time in the file's own units, the same whenever it is decoded; where the file has none,
+    the index."""
+    seconds: float
+    picture: Any
+    aspect: float = 1.0
+    """Width of a stored pixel in its height."""
+
+    def rgb(self, size: int) -> UInt8[np.ndarray, "h w 3"]:
+        """sRGB as it is shown, its longer side at most `size` pixels."""
+        return self._pixels("rgb24", size)
+
+    def grey(self, size: int) -> UInt8[np.ndarray, "h w"]:
+        """Luma as it is shown, its longer side at most `size` pixels."""
+        return self._pixels("gray", size)
+
+    def _pixels(self, format: str, size: int) -> np.ndarray:
+        picture = self.picture
+        width, height = picture.width * self.aspect, picture.height
+        scale = min(1.0, size / max(width, height))
+        high = picture.colorspace == UNSPECIFIED and picture.height >= HIGH_DEFINITION
+        pixels = picture.reformat(
+            width=max(1, round(width * scale)),
+            height=max(1, round(height * scale)),
+            format=format,
+            src_colorspace="ITU709" if high else None,
+            dst_color_range="JPEG",
+            interpolation="AREA",
+        ).to_ndarray()
+        return np.ascontiguousarray(np.rot90(pixels, round(picture.rotation / 90)))
+
+
+class Video:
+    """An open video; `frames` may be read once."""
+
+    def __init__(self, path: Path, container: Any, stream: Any) -> None:
+        self.path = path
+        self.container, self.stream = container, stream
+        self.broken = 0
+        """Packets that could not be decoded."""
+        self.last = 0.0
+        """Seconds from the beginning, of the last frame."""
+
+    @property
+    def length(self) -> float:
+        """Seconds, as the file states; 0 where it does not."""
+        if self.stream.duration and self.stream.time_base:
+            return float(self.stream.duration * self.stream.time_base)
+        return (self.container.duration or 0) / 1e6
+
+    @property
+    def count(self) -> int:
+        """How many frames it should have, about; 0 where the file does not tell."""
+        return self.stream.frames or round(self.length * float(self.stream.average_rate or 0))
+
+    def frames(self) -> Iterator[Decoded]:
+        """The frames in the order of their times; those that are damaged are left out."""
+        start = None
+        aspect = float(self.stream.sample_aspect_ratio or 1)
+        for index, picture in enumerate(self._pictures()):
+            at = picture.time if picture.time is not None else self.last
+            start = at if start is None else start
+            self.last = max(self.last, at - start)
+            stamp = index if picture.pts is None else picture.pts
+            yield Decoded(index, stamp, self.last, picture, aspect)
+
+    def notes(self) -> tuple[str, ...]:
+        """Notes on the video once its frames were read."""
+        if self.length and self.last < COMPLETE * self.length - 0.5:
+            return (
+                f"{self.path} is cut off: {self.last:.1f} of {self.length:.1f} s can be decoded, "
+                "and are used",
+            )
+        if self.broken:
+            return (f"{self.path}: {self.broken} damaged parts of it were left out",)
+        return ()
+
+    def _pictures(self) -> Iterator[Any]:
+        import av.error
+
+        packets = self.container.demux(self.stream)
+        while True:
+            try:
+                pictures = next(packets).decode()
+            except StopIteration:
+                return
+            except av.error.EOFError:
+                return
+            except av.error.InvalidDataError:
+                self.broken += 1
+                continue
+            except av.error.FFmpegError:  # reading failed: there is no more
+                self.broken += 1
+                return
+            yield from (picture for picture in pictures if not picture.is_corrupt)
+
+
+@contextmanager
+def open_video(path: Path) -> Iterator[Video]:
+    """A video. Raises InputError for a file that is none, GseditError without PyAV."""
+    av = load_extra("av", "a video", "give a folder of photos")
     try:
-        record = read_json(folder / CHOICE)
-        frames = tuple(Frame(**each) for each in record["frames"])
-        for frame in frames:
-            safe_name(frame.name, CHOICE)
-        if video.is_file() and record["request"] == _request(video, count):
-            return frames, tuple(record["notes"])
-    except (InputError, ValueError, KeyError, TypeError, AttributeError):
-        return None
-    for frame in frames:
-        (folder / frame.name).unlink(missing_ok=True)
-    return None
+        container = av.open(str(existing_file(path)), container_options=TRUSTED)
+    except av.error.FFmpegError as error:
+        raise InputError(_not_opened(path, error)) from None
+    with container:
+        if not container.streams.video:
+            raise InputError(f"{path} has no pictures in it (sound only?): name a video")
+        stream = container.streams.video[0]
+        stream.thread_type = "AUTO"
+        yield Video(path, container, stream)
 
 
-def _keep(
-    video: Path, folder: Path, count: int | None, frames: Sequence[Frame], notes: Sequence[str]
-) -> None:
-    record = {
-        "request": _request(video, count),
-        "frames": [asdict(frame) for frame in frames],
-        "notes": list(notes),
-    }
-    with atomic_path(folder / CHOICE, overwrite=True) as temporary:
-        temporary.write_text(json.dumps(record, indent=1))
+def _not_opened(path: Path, error: Exception) -> str:
+    mp4 = path.suffix.lower() in (".mp4", ".mov", ".m4v", ".3gp")
+    ends = _ends(path)
+    if mp4 and b"ftyp" in ends[:64] and b"moov" not in ends:
+        return (
+            f"{path} is cut off: its index, which comes last, is missing; copy it again from the "
+            "camera, or repair it with a tool such as untrunc"
+        )
+    reason = str(getattr(error, "strerror", "") or error)
+    return f"{path} is no video that can be read ({reason}): export it again as MP4 (H.264)"
+
+
+def _ends(path: Path) -> bytes:
+    """The first and last bytes of a file, where an MP4 keeps its index."""
+    with path.open("rb") as file:
+        first = file.read(1 << 20)
+        file.seek(max(0, path.stat().st_size - (1 << 22)))
+        return first + file.read()

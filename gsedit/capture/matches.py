@@ -13,7 +13,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.capture import child
+from gsedit.capture import stages
 from gsedit.capture.settings import Attempt
 from gsedit.capture.stages import LOG
 from gsedit.errors import UsageError
@@ -58,7 +58,7 @@ def match_pictures(
             "size": max(max(picture.shape[:2]) for picture in pictures.values()),
             "features": FEATURES, "peak": rough.peak, "threads": THREADS,
         }  # fmt: skip
-        found = returned(child.run("points", request, folder / LOG))["pairs"]
+        found = returned(stages.run("points", request, folder / LOG))["pairs"]
     matches = {}
     for each in found:
         a, b = (int(Path(name).stem) for name in each["names"])

@@ -7,13 +7,13 @@ import re
 import shutil
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 from PIL import Image, ImageOps
 
-from gsedit.capture.child import Step
-from gsedit.capture.heif import register_heif
+from gsedit.capture.stages import Step
 from gsedit.errors import InputError
 from gsedit.formats.pictures import decoded
 from gsedit.storage.json_files import read_json
@@ -59,6 +59,18 @@ class Prepared:
         record = read_json(path, advice="remove it")
         return Prepared(tuple(Photo(**each) for each in record["photos"]),
                         tuple(record["unreadable"]))  # fmt: skip
+
+
+@cache
+def register_heif() -> bool:
+    """Let Pillow open .heic files in this process; whether it can. Their pixels and sizes come as
+    they are shown, their EXIF orientation as 1; the info `original_orientation` keeps it."""
+    try:
+        import pi_heif
+    except (ImportError, OSError):
+        return False
+    pi_heif.register_heif_opener()
+    return True
 
 
 def state_of(files: Sequence[Path]) -> list[tuple[str, int, int]]:

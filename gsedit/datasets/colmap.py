@@ -24,14 +24,6 @@ from gsedit.formats.limits import check_lens, check_points, check_pose
 from gsedit.storage.inputs import existing_file, open_regular, refuse_doubles
 from gsedit.storage.safe_names import safe_name
 
-_PARAMETERS = {
-    "SIMPLE_PINHOLE": ("f", "cx", "cy"),
-    "PINHOLE": ("fx", "fy", "cx", "cy"),
-    "SIMPLE_RADIAL": ("f", "cx", "cy", "k1"),
-    "RADIAL": ("f", "cx", "cy", "k1", "k2"),
-    "OPENCV": ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2"),
-}
-"""The models that are pinholes with Brown-Conrady distortion, parameters in COLMAP's order."""
 _U32, _U64 = Struct("<I"), Struct("<Q")
 _CAMERA = Struct("<Ii2Q")  # id, model, width, height; then the parameters
 _IMAGE = Struct("<I7dI")  # id, pose, camera; then the name, a zero byte, and 24 bytes a keypoint
@@ -217,29 +209,17 @@ def _to_4x4(rows: Float[Tensor, "3 4"], where: str) -> Float[Tensor, "4 4"]:
 
 
 def _lens(camera: Any, where: str) -> Lens:
-    size = (camera.width, camera.height)
-    names = _PARAMETERS.get(camera.model_name)
-    values = dict(zip(names, camera.params.tolist())) if names else _other(camera, where)
-    focal = values.pop("f", None)
-    if focal is not None:
-        values["fx"] = values["fy"] = focal
-    center = values["cx"], values["cy"]
-    check_lens((values["fx"], values["fy"]), center, size, where, camera.params.tolist())
-    return Lens(width=camera.width, height=camera.height, **values)
-
-
-def _other(camera: Any, where: str) -> dict[str, Any]:
-    """The fields of a `Lens` for a model that pycolmap undoes."""
     if not camera.focal_length_idxs():  # asked for one, pycolmap ends the process
         raise InputError(
             f"{where}: camera model {camera.model_name} is not supported (its pictures show all "
             "around): cut pinhole views out of them first"
         )
-    lens = ColmapLens(camera.model_name, tuple(camera.params.tolist()), camera.width, camera.height)
-    return {
-        "fx": camera.focal_length_x,
-        "fy": camera.focal_length_y,
-        "cx": camera.principal_point_x,
-        "cy": camera.principal_point_y,
-        "other": lens,
-    }
+    size, params = (camera.width, camera.height), tuple(camera.params.tolist())
+    focal = camera.focal_length_x, camera.focal_length_y
+    center = camera.principal_point_x, camera.principal_point_y
+    check_lens(focal, center, size, where, params)
+    bends = len(params) > len((*camera.focal_length_idxs(), *camera.principal_point_idxs()))
+    return Lens(
+        *focal, *center, *size,
+        distorted=ColmapLens(camera.model_name, params, *size) if bends else None,
+    )  # fmt: skip

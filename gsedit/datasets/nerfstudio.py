@@ -139,7 +139,7 @@ def _lens(values: dict[str, Any], file: Path, reduced: int, where: str) -> Lens:
     if model in _OTHER:
         params = (fx, fy, cx, cy, *(number(key) or 0.0 for key in _OTHER[model]))
         other = ColmapLens(model, params, width, height)
-        return Lens(fx, fy, cx, cy, width, height, other=other)
+        return Lens(fx, fy, cx, cy, width, height, other)
     if number("k4"):
         # a fourth polynomial term in nerfstudio, a denominator in OpenCV: nobody undoes it there
         raise InputError(
@@ -147,8 +147,8 @@ def _lens(values: dict[str, Any], file: Path, reduced: int, where: str) -> Lens:
             "rational model, to OPENCV_FISHEYE where the lens is a fisheye, or run "
             "`colmap image_undistorter` first"
         )
-    k1, k2, k3, p1, p2 = (number(key) or 0.0 for key in ("k1", "k2", "k3", "p1", "p2"))
-    return Lens(fx, fy, cx, cy, width, height, k1, k2, k3, p1, p2)
+    coefficients = (number(key) or 0.0 for key in ("k1", "k2", "p1", "p2", "k3"))
+    return Lens(fx, fy, cx, cy, width, height).bent(*coefficients)
 
 
 def _calibrated_size(

@@ -5,12 +5,10 @@ Brown-Conrady model as in OpenCV and COLMAP's OPENCV. On the plane z = 1, r^2 = 
 Every pixel center (u + 0.5, v + 0.5) of the pinhole picture looks up its distorted position in the
 photo: the forward model, which is a formula; its inverse, an iteration, is never needed.
 
-Other lenses (fisheyes, FULL_OPENCV, ...) go through pycolmap's `Camera.img_from_cam`, which maps
-rays to pixels and starts no threads.
-
-kornia computes the formula. Its `undistort_image` keeps the focal length, so that borders become
-black; pycolmap's `undistort_image` takes and returns 8-bit pictures, and changes their size. Both
-compute their map for every photo anew and take three to six times as long as `undistort`.
+pycolmap's `Camera.img_from_cam` computes it for these lenses and for all others (fisheyes, ...); it
+starts no threads. Neither its `undistort_image` nor kornia's does the rest: kornia's keeps the
+focal length, so that borders become black, and knows no fisheye; pycolmap's takes and returns 8-bit
+pictures, and changes their size. Both compute their map for every photo anew.
 """
 
 from __future__ import annotations
@@ -43,10 +41,7 @@ class ColmapLens(NamedTuple):
 
 @dataclass(frozen=True)
 class Lens:
-    """Intrinsics of a photo: pixels, the corner of the first one at (0, 0).
-
-    Its distortion is k1 to p2 (Brown-Conrady), or that of `other`.
-    """
+    """Intrinsics of a photo: pixels, the corner of the first one at (0, 0)."""
 
     fx: float
     fy: float
@@ -54,16 +49,17 @@ class Lens:
     cy: float
     width: int
     height: int
-    k1: float = 0.0
-    k2: float = 0.0
-    k3: float = 0.0
-    p1: float = 0.0
-    p2: float = 0.0
-    other: ColmapLens | None = None
+    distorted: ColmapLens | None = None
+    """How it bends rays; None: not at all."""
 
-    @property
-    def is_pinhole(self) -> bool:
-        return self.other is None and not any((self.k1, self.k2, self.k3, self.p1, self.p2))
+    def bent(
+        self, k1: float = 0.0, k2: float = 0.0, p1: float = 0.0, p2: float = 0.0, k3: float = 0.0
+    ) -> Lens:
+        """The lens with these coefficients of Brown and Conrady; itself where all are 0."""
+        if not any((k1, k2, p1, p2, k3)):
+            return self
+        params = (self.fx, self.fy, self.cx, self.cy, k1, k2, p1, p2, k3, 0.0, 0.0, 0.0)
+        return replace(self, distorted=ColmapLens("FULL_OPENCV", params, self.width, self.height))
 
     def scaled(self, width: int, height: int) -> Lens:
         """The lens of the same photo on another number of pixels."""
@@ -106,7 +102,7 @@ def undistortion(lens: Lens) -> Undistortion:
 
 def ideal_lens(lens: Lens) -> Lens:
     """The lens of the undistorted pictures, see `undistortion`; `lens` itself if a pinhole."""
-    return lens if lens.is_pinhole else lens.zoomed(_smallest_zoom(lens))
+    return lens if lens.distorted is None else lens.zoomed(_smallest_zoom(lens.distorted, lens))
 
 
 def undistort(photo: Float[Tensor, "h w c"], undo: Undistortion) -> Float[Tensor, "h w c"]:
@@ -125,46 +121,33 @@ def undistort(photo: Float[Tensor, "h w c"], undo: Undistortion) -> Float[Tensor
 def distort(xy: Float[Tensor, "*b 2"], ideal: Lens, lens: Lens) -> Float[Tensor, "*b 2"]:
     """From positions in the ideal lens's picture to positions in the photo of `lens`, pixels.
 
-    Of a lens of COLMAP, NaN where it shows no such direction.
+    pycolmap's pixels begin at the corner as ours do. NaN where the lens shows no such direction.
     """
-    if lens.other is not None:
-        return _distorted_by(lens.other, xy, ideal, lens)
-    from kornia.geometry.calibration import distort_points
-
-    coefficients = torch.tensor([lens.k1, lens.k2, lens.p1, lens.p2, lens.k3], dtype=xy.dtype)
-    flat = distort_points(
-        xy.reshape(-1, 2), _matrix(lens, xy.dtype), coefficients, _matrix(ideal, xy.dtype)
-    )
-    return flat.reshape(xy.shape)
-
-
-def _distorted_by(
-    other: ColmapLens, xy: Float[Tensor, "*b 2"], ideal: Lens, lens: Lens
-) -> Float[Tensor, "*b 2"]:
-    """Through pycolmap, whose pixels begin at the corner as ours do."""
-    pycolmap = import_pycolmap()
-
-    camera = pycolmap.Camera(
-        model=other.model, width=other.width, height=other.height, params=list(other.params)
+    model = lens.distorted
+    if model is None:
+        return xy
+    camera = import_pycolmap().Camera(
+        model=model.model, width=model.width, height=model.height, params=list(model.params)
     )
     center = torch.tensor([ideal.cx, ideal.cy], dtype=torch.float64)
     focal = torch.tensor([ideal.fx, ideal.fy], dtype=torch.float64)
     rays = ((xy.double() - center) / focal).reshape(-1, 2)
     rays = torch.cat((rays, torch.ones(len(rays), 1, dtype=torch.float64)), 1)
     found = torch.from_numpy(camera.img_from_cam(rays.numpy()))
-    size = torch.tensor([lens.width / other.width, lens.height / other.height]).double()
+    size = torch.tensor([lens.width / model.width, lens.height / model.height]).double()
     return (found * size).reshape(xy.shape).to(xy.dtype)
 
 
-def _smallest_zoom(lens: Lens) -> float:
+def _smallest_zoom(model: ColmapLens, lens: Lens) -> float:
     """By bisection, in [1, 8]. Raises InputError where 8 is not enough."""
     low, high = 1.0, _ZOOM_MAX
     if _stays_inside(lens, low):
         return low
     if not _stays_inside(lens, high):
+        params = ", ".join(f"{value:g}" for value in model.params)
         raise InputError(
-            f"lens distortion {_described(lens)} leaves no picture: calibrate again, or undistort "
-            "with COLMAP"
+            f"lens distortion {model.model} {params} leaves no picture: calibrate again, or "
+            "undistort with COLMAP"
         )
     for _ in range(_BISECTIONS):
         middle = (low + high) / 2
@@ -189,23 +172,11 @@ def _stays_inside(lens: Lens, zoom: float) -> bool:
 
 def _grows(lens: Lens, ideal: Lens, border: Float[Tensor, "n 2"]) -> bool:
     """Whether what is further from the center of the ideal picture is so in the photo too."""
-    if lens.other is not None:
-        center = torch.tensor([ideal.cx, ideal.cy], dtype=torch.float64)
-        steps = torch.linspace(0, 1, _STEPS, dtype=torch.float64)[:, None, None]
-        found = distort(center + steps * (border[::_EVERY] - center), ideal, lens)
-        radius = (found - found[0]).norm(dim=-1)
-        return bool((radius.diff(dim=0) > 0).all())
-    offset = (border - torch.tensor([lens.cx, lens.cy])) / torch.tensor([ideal.fx, ideal.fy])
-    r2 = torch.linspace(0, float(offset.square().sum(-1).max()), 257, dtype=torch.float64)
-    slope = 1 + r2 * (3 * lens.k1 + r2 * (5 * lens.k2 + r2 * 7 * lens.k3))
-    return bool((slope > 0).all())
-
-
-def _described(lens: Lens) -> str:
-    if lens.other is not None:
-        return f"{lens.other.model} {', '.join(f'{value:g}' for value in lens.other.params)}"
-    names = ("k1", "k2", "k3", "p1", "p2")
-    return ", ".join(f"{name} {getattr(lens, name):g}" for name in names)
+    center = torch.tensor([ideal.cx, ideal.cy], dtype=torch.float64)
+    steps = torch.linspace(0, 1, _STEPS, dtype=torch.float64)[:, None, None]
+    found = distort(center + steps * (border[::_EVERY] - center), ideal, lens)
+    radius = (found - found[0]).norm(dim=-1)
+    return bool((radius.diff(dim=0) > 0).all())
 
 
 def _border_centers(width: int, height: int) -> Float[Tensor, "n 2"]:
@@ -214,12 +185,6 @@ def _border_centers(width: int, height: int) -> Float[Tensor, "n 2"]:
     rows = [torch.cartesian_prod(x, side) for side in (y[:1], y[-1:])]
     columns = [torch.cartesian_prod(side, y) for side in (x[:1], x[-1:])]
     return torch.cat((*rows, *columns))
-
-
-def _matrix(lens: Lens, dtype: torch.dtype) -> Float[Tensor, "3 3"]:
-    """The intrinsic matrix K."""
-    rows = [[lens.fx, 0.0, lens.cx], [0.0, lens.fy, lens.cy], [0.0, 0.0, 1.0]]
-    return torch.tensor(rows, dtype=dtype)
 
 
 def import_pycolmap() -> Any:

@@ -13,8 +13,9 @@ import torch
 from gsedit.datasets.dataset import Dataset, capture
 from gsedit.datasets.undistort import Lens
 from gsedit.errors import UsageError
+from gsedit.scene.framing import NEAR_SHARE, bounds
 from rasterizer.camera import Camera
-from rasterizer.numerics import AUTO, Execution
+from rasterizer.numerics import AUTO, DEFAULT, Execution
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
 
@@ -123,3 +124,40 @@ def rendered(
     """Renders of the scene as a dataset: what an edit works on where there are no photos."""
     cameras, names = [v.camera for v in viewpoints], [v.name for v in viewpoints]
     return Dataset(capture(scene.detach(), cameras, names, execution))
+
+
+TOO_FAR_SHARE = 0.05
+"""A given camera keeps the renderer's near plane where that is at most this share of the radius."""
+
+
+def viewpoints_near(viewpoints: Sequence[Viewpoint], scene: Gaussians) -> tuple[Viewpoint, ...]:
+    """Give recorded cameras a nearer near plane where the scene's units need one.
+
+    They keep 0.01 unless that is more than a twentieth of the radius of the scene's bulk. Raises
+    UsageError for an empty scene.
+    """
+    near = _needed(bounds(scene).radius)
+    if near is None:
+        return tuple(viewpoints)
+    return tuple(replace(each, camera=replace(each.camera, near=near)) for each in viewpoints)
+
+
+def dataset_near(dataset: Dataset) -> Dataset:
+    """Give the cameras of photos a nearer near plane where the units of the sparse points need one.
+
+    Without points, all stays.
+    """
+    if dataset.points is None or not len(dataset.points):
+        return dataset
+    distance = (dataset.points - dataset.points.median(0).values).norm(dim=-1)
+    near = _needed(float(distance.median()))
+    if near is None:
+        return dataset
+    views = tuple(view.seen_by(replace(view.camera, near=near)) for view in dataset.views)
+    return replace(dataset, views=views)
+
+
+def _needed(radius: float) -> float | None:
+    """None where the renderer's own near plane does, and where a scene has no extent."""
+    too_far = 0 < radius < torch.inf and DEFAULT.near > TOO_FAR_SHARE * radius
+    return NEAR_SHARE * radius if too_far else None

@@ -7,7 +7,7 @@ x_t = a x0 + b noise, and sigma = b / a its noise in units of a clean latent.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import torch
@@ -24,8 +24,7 @@ class NoiseLevel(NamedTuple):
     """x_t = a x0 + b noise, with unit noise."""
 
     t: float
-    """The training step, as a network's input; between two of them it is interpolated. See
-    `Schedule.log_times`."""
+    """The training step, as a network's input; between two of them it is interpolated."""
     a: float
     b: float
 
@@ -48,8 +47,6 @@ class Schedule:
     """Added to every time step of the leading spacing (diffusers' `steps_offset`; 1 for SD)."""
     straight: bool = False
     """x_t = (1 - s) x0 + s noise, as rectified flows have it; otherwise a^2 + b^2 = 1."""
-    log_times: bool = False
-    """A level's `t`, the network's input, is log(sigma) / 4 (Karras et al. 2022), not its index."""
 
     @classmethod
     def scaled_linear(
@@ -73,20 +70,6 @@ class Schedule:
         s = torch.linspace(0, 1, steps + 1, dtype=torch.float64)
         return cls((1 - s) ** 2 / ((1 - s) ** 2 + s**2), straight=True)
 
-    @classmethod
-    def edm(cls, sigma_min: float, sigma_max: float, steps: int = 1000) -> Schedule:
-        """Sigmas of Karras et al. 2022, in units of a clean latent; evenly spaced logarithms."""
-        first, last = math.log(sigma_min), math.log(sigma_max)
-        sigma = torch.linspace(first, last, steps, dtype=torch.float64).exp()
-        return cls(1 / (1 + sigma**2), log_times=True)
-
-    def zero_terminal_snr(self) -> Schedule:
-        """Schedule with pure noise at its last step and its first unchanged (Lin et al. 2024, alg.
-        1)."""
-        root = self.alphas_cumprod.sqrt()
-        root = (root - root[-1]) * root[0] / (root[0] - root[-1])
-        return replace(self, alphas_cumprod=root**2)
-
     def level(self, t: int | float) -> NoiseLevel:
         """The level of a training step; between two, sigma is interpolated as diffusers does.
 
@@ -106,7 +89,7 @@ class Schedule:
             ab = 1 / (1 + sigma**2)
         elif part:
             ab *= 1 - part
-        return self._timed(NoiseLevel(float(t), ab**0.5, (1 - ab) ** 0.5))
+        return NoiseLevel(float(t), ab**0.5, (1 - ab) ** 0.5)
 
     def level_at(self, sigma: float) -> NoiseLevel:
         """The level of that sigma, with the training step where it is; CLEAN at 0.
@@ -121,11 +104,7 @@ class Schedule:
             return NoiseLevel(_fractional_index(_straight_table(ab), b), 1 - b, b)
         a = (1 + sigma**2) ** -0.5
         index = _fractional_index(((1 - ab) / ab).sqrt(), sigma)
-        return self._timed(NoiseLevel(index, a, sigma * a))
-
-    def _timed(self, level: NoiseLevel) -> NoiseLevel:
-        """The level with the time that the network reads."""
-        return level._replace(t=math.log(level.sigma) / 4) if self.log_times else level
+        return NoiseLevel(index, a, sigma * a)
 
     def alpha(self, t: int | float) -> float:
         """`ab` at `t`; before step 0 it is that of step 0, not 1 (set_alpha_to_one False)."""
@@ -196,9 +175,9 @@ class Schedule:
         return [self.level_at(sigma) for sigma in karras_sigmas(first.sigma, last.sigma, steps)]
 
 
-def karras_sigmas(first: float, last: float, count: int, rho: float = RHO) -> list[float]:
-    """Falling sigmas, their roots of the order `rho` evenly spaced, both ends included."""
-    return [root**rho for root in even(first ** (1 / rho), last ** (1 / rho), count)]
+def karras_sigmas(first: float, last: float, count: int) -> list[float]:
+    """Falling sigmas, their roots of the order RHO evenly spaced, both ends included."""
+    return [root**RHO for root in even(first ** (1 / RHO), last ** (1 / RHO), count)]
 
 
 def even(first: int | float, last: int | float, count: int) -> list[float]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from operator import attrgetter
 from typing import Any
@@ -11,16 +11,13 @@ from jaxtyping import Bool, Int
 from torch import Tensor
 
 from gsedit.datasets.dataset import View, capture, evenly_spaced
-from gsedit.datasets.view_list_files import HELD_OUT_EVERY
+from gsedit.datasets.view_list_files import HELD_OUT_EVERY, ViewList
 from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.editing.parts import Parts
 from gsedit.editing.plan import EXACT_ROUTES, PICTURE, is_exact, key_of
 from gsedit.editing.result import EditResult
-from gsedit.measures.evaluation_input import REGION_IS, Evaluation, Mean
-from gsedit.measures.interval import mean_interval
-from gsedit.measures.metrics import rmse, squared_error
-from gsedit.measures.outside import outside_means, pixels_outside
-from gsedit.measures.references import BY_TO
+from gsedit.measures.evaluation import evaluate
+from gsedit.measures.evaluation_input import Evaluation, EvaluationInput, Means
 from gsedit.objects.outcome import NEW, Outcome
 from gsedit.paper.evaluate import Drawing
 from gsedit.paper.evidence import EditMetrics, Evidence, HeldOutViews
@@ -37,6 +34,8 @@ SHOWN_VIEWS = 4
 LEAST_RMSE = 0.005
 """RMSE to the unedited views below which the user is told that hardly anything changed: painting a
 subject of one pixel in a hundred makes six times as much."""
+MEASURED = ("rmse_to_unedited", "rmse_outside_region", "psnr_outside_region")
+"""Metrics of changes on the Gaussians: the others compare with pictures of a 2D editor."""
 HARDLY = "hardly anything changed: the scene has little that this acts on"
 
 
@@ -173,20 +172,18 @@ def means_of(
     before: Sequence[View],
     after: Sequence[View],
     execution: Execution = AUTO,
-) -> Mapping[str, dict[Any, Mean]]:
+) -> Means:
     """The difference of held-out views, and how well what is outside the region is kept."""
-    region, parts = changed.region, [(changed.region, scene)]
-    if changed.before is not None:
-        parts = [(changed.before, scene), (changed.region, changed.scene)]
-    number = len(before)
-    errors = [rmse(new.image, old.image) for new, old in zip(after, before)]
-    of_all = Mean(sum(errors) / number, number, mean_interval(errors), BY_TO["unedited"])
-    found: dict[str, dict[Any, Mean]] = {"rmse_to_unedited": {"held_out": of_all}}
-    if not region.is_all:
-        outside = [
-            squared_error(old.image, new.image, pixels_outside(parts, old.camera, execution))
-            for old, new in zip(before, after)
-        ]
-        kept = outside_means([each for each in outside if each.values], "region", REGION_IS)
-        found |= {name: {"held_out": mean} for name, mean in kept.items()}
-    return found
+    moved = changed.before is not None
+    viewpoints = tuple(Viewpoint(each.name, each.camera) for each in before)
+    given = EvaluationInput(
+        changed.scene,
+        ViewList(viewpoints, ("held_out",) * len(before)),
+        unedited=scene,
+        region=changed.before if moved else changed.region,
+        edited_region=changed.region if moved else None,
+        finals={i: each.image for i, each in enumerate(after)},
+        originals={i: each.image for i, each in enumerate(before)},
+        execution=execution,
+    )
+    return evaluate(given, only=MEASURED).measured

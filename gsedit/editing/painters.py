@@ -19,7 +19,7 @@ from gsedit.datasets.dataset import evenly_spaced
 from gsedit.editing.placements import Flags, paint_objects
 from gsedit.editing.plan import key_of
 from gsedit.editing.tone import toned
-from gsedit.errors import UsageError
+from gsedit.errors import Said, UsageError
 from gsedit.light.named import setup_of
 from gsedit.light.relight import relit
 from gsedit.materials.apply import in_material
@@ -136,10 +136,7 @@ def _inside(change: Change, flags: Flags) -> Bool[Tensor, " n"]:
     """The Gaussians that a change is about. Raises UsageError for none."""
     inside = flags[key_of(change)]
     if not inside.any():
-        raise UsageError(
-            f"{change} would change no Gaussian: name what should change with --region, "
-            "and look at it with gsedit render SCENE --region ..."
-        )
+        raise UsageError(Said(f"{change} would change no Gaussian", "select-change"))
     return inside
 
 

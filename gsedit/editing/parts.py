@@ -201,11 +201,10 @@ def drawn_region(finder: Finder, editor: Editor | None, sentence: str) -> Region
 
 
 def is_whole(editor: Editor | None, sentence: str) -> bool | None:
-    """Whether a sentence is about the whole scene, and not its subject alone; None where neither
-    the editor nor the reader of sentences can say."""
-    told = None if editor is None else editor.capabilities.is_whole
-    if told is not None:
-        return told(sentence)
+    """Whether a sentence is about the whole scene, and not its subject alone; None where it does
+    not say. Editors with a known ground truth edit whole pictures."""
+    if editor is not None and editor.capabilities.find_ground_truth is not None:
+        return True
     targets = {change.target for change in read_instruction(sentence).changes}
     if "background" in targets or not targets:
         return None

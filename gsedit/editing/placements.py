@@ -18,7 +18,7 @@ from gsedit.cameras.paths import up_of
 from gsedit.datasets.cameras_json import cameras_file, read_cameras
 from gsedit.datasets.viewpoints import that_see
 from gsedit.editing.plan import COPY, key_of
-from gsedit.errors import UsageError
+from gsedit.errors import Said, UsageError
 from gsedit.formats.scenes import load
 from gsedit.objects.outcome import Outcome
 from gsedit.objects.placing.placement import Placement, RelativePlace, Side
@@ -74,15 +74,9 @@ def paint_objects(
 def _check(change: Change, inside: Bool[Tensor, " n"], *, whole: bool) -> None:
     """Raise UsageError for no Gaussians, and for all of them unless `whole` may be."""
     if not inside.any():
-        raise UsageError(
-            f"{change}: nothing of it is in the scene: name the object with --region, and look at "
-            "it with gsedit render SCENE --region ..."
-        )
+        raise UsageError(Said(f"{change}: nothing of it is in the scene", "select-object"))
     if inside.all() and not whole:
-        raise UsageError(
-            f"{change}: the region is the whole scene: mark the object with a smaller --region; "
-            "gsedit transform turns, moves and scales a whole scene"
-        )
+        raise UsageError(Said(f"{change}: the region is the whole scene", "select-less"))
 
 
 def _without(scene: Gaussians, inside: Bool[Tensor, " n"]) -> Outcome:

@@ -9,13 +9,13 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 from itertools import groupby
 
-from gsedit.errors import UsageError
+from gsedit.errors import Said, UsageError
 from gsedit.paper.settings import EditSettings
 from gsedit.words.called import read_called
 from gsedit.words.direct import UNCLEAR
 from gsedit.words.instruction import Change, Instruction
+from gsedit.words.looks import look_of
 from gsedit.words.phrases import GROUNDS
-from gsedit.words.small_looks import look_of
 
 EXACT_ROUTES = ("tone", "paint", "material", "light", "scenery", "object")
 """Routes that change the Gaussians themselves."""
@@ -66,15 +66,11 @@ def steps_of(instruction: Instruction) -> tuple[Instruction, ...]:
         raise UsageError(instruction.why)
     changes = instruction.changes
     if unclear := next((change.name for change in changes if change.name in UNCLEAR), None):
-        raise UsageError(
-            f"{instruction.text!r}: there is no look {unclear!r} that is done on the Gaussians: "
-            "--editor small draws its own, --editor pix2pix --model FOLDER follows any sentence"
-        )
+        what = f"{instruction.text!r}: there is no look {unclear!r} that is done on the Gaussians"
+        raise UsageError(Said(what, "looks-unclear"))
     drawn = [each for each in changes if each.phrase and each.route not in EXACT_ROUTES]
     if drawn:
-        raise UsageError(
-            f"{drawn[0]}: a 2D editor knows no phrases: mark it with --region, and say 'it'"
-        )
+        raise UsageError(Said(f"{drawn[0]}: a 2D editor knows no phrases", "select"))
     groups = [tuple(each) for _, each in groupby(changes, lambda c: c.route in EXACT_ROUTES)]
     if len(groups) < 2:
         return (instruction,)
@@ -89,10 +85,8 @@ def _told(group: Sequence[Change]) -> str:
         return "; ".join(map(str, group))
     looks = [look_of(change) for change in group]
     if None in looks:
-        raise UsageError(
-            f"{group[looks.index(None)]}: small does not draw this (gsedit list looks): "
-            "leave it out, or do it alone with --editor pix2pix --model FOLDER"
-        )
+        what = f"{group[looks.index(None)]}: small does not draw this"
+        raise UsageError(Said(what, "looks-alone"))
     return " and ".join(look.wording for look in looks if look is not None)
 
 

@@ -8,6 +8,13 @@ from rasterizer.lazy import make_lazy
 
 if TYPE_CHECKING:
     from gsedit.editor_protocol import Capabilities, Denoiser, EditBatch, Editor, EditProgress
-    from gsedit.editors.registry import EDITORS, Listing, editor_names, list_editors, make_editor
+    from gsedit.editors.plugins import Listing
+    from gsedit.editors.registry import (
+        editor_names,
+        list_editors,
+        list_masks,
+        make_editor,
+        make_masks,
+    )
 
 make_lazy(__name__)

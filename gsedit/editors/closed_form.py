@@ -45,8 +45,7 @@ from gsedit.diffusion.guidance import Branches, Need
 from gsedit.diffusion.predictions import Prediction
 from gsedit.diffusion.schedules import Schedule
 from gsedit.editor_protocol import Capabilities, GroundTruth
-from gsedit.editors.looks.recipe import agreed_variant, parse
-from gsedit.editors.looks.table import VARIANTS
+from gsedit.editors.looks.recipe import VARIANTS, agreed_variant, parse
 
 CODE = 2  # channels of a cell that encode its variant: a triangle lies in a plane
 CELL_PIXELS = (
@@ -164,8 +163,8 @@ class ClosedForm:
 
     @property
     def capabilities(self) -> Capabilities:
-        """It runs no network; its edits have a known ground truth, and are of the whole picture."""
-        return Capabilities(find_ground_truth=self.find_ground_truth, is_whole=lambda prompt: True)
+        """It runs no network; its edits, of whole pictures, have a known ground truth."""
+        return Capabilities(find_ground_truth=self.find_ground_truth)
 
     def check(self, prompt: str) -> None:
         """Raise UsageError if the instruction names no look."""

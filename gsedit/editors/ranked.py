@@ -90,9 +90,12 @@ class OnRankZero:
 
 
 def shared_out(denoiser: D, ranks: Ranks) -> D:
-    """The denoiser with its views shared out over ranks. Itself unless it runs a network (it
-    declares with_micro_batch): all ranks then do the same, in less time than a message takes."""
-    if denoiser.capabilities.with_micro_batch is None:
+    """The denoiser with its views shared out over ranks.
+
+    Itself on one, and where it runs no network (it declares no with_micro_batch): all ranks then do
+    the same, in less time than a message takes.
+    """
+    if ranks.size == 1 or denoiser.capabilities.with_micro_batch is None:
         return denoiser
     return cast(D, SharedDenoiser(denoiser, ranks))
 
@@ -111,11 +114,10 @@ class SharedDenoiser:
     def capabilities(self) -> Capabilities:
         """The denoiser's, and the denoiser itself, for who computes the same on all ranks."""
         declared = self._denoiser.capabilities
-        masked, weighted = declared.with_subject, declared.with_text_weight
+        weighted = declared.with_text_weight
         return replace(
             declared,
             denoiser=self._denoiser,
-            with_subject=masked and (lambda subject: self._with(masked(self._mine(subject)))),
             with_text_weight=weighted and (lambda weight: self._with(weighted(weight))),
         )
 

@@ -5,10 +5,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
 import torch
 from jaxtyping import Bool, Float, Int
@@ -16,7 +17,10 @@ from torch import Tensor
 
 from gsedit.consistency.consensus import consensus, share_noise
 from gsedit.datasets.padding import pad_to, pad_to_multiple, round_up
-from gsedit.diffusion.guidance import Around, Branches, Need, Predictor
+from gsedit.diffusion.guidance import Around, Branches, Need, Predictor, needed
+from gsedit.diffusion.guided import branches_of, predict_guided
+from gsedit.diffusion.memory import most_bytes
+from gsedit.diffusion.precision import InBfloat16
 from gsedit.diffusion.sampler import Anchor, Hook, add_noise, sample
 from gsedit.diffusion.settings import SamplerSettings
 from gsedit.editor_protocol import (
@@ -28,9 +32,10 @@ from gsedit.editor_protocol import (
     for_settings,
     levels_for,
 )
-from gsedit.editors.cost import measure_cost
 from gsedit.editors.ranked import Fit, prepared, shared_out
 from gsedit.errors import UsageError
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +45,10 @@ class DiffusionEditor:
     denoiser: Denoiser
     known: dict[Any, Fit] = field(default_factory=dict, repr=False)
     """Measurements of the denoiser on this machine, by size and settings of a batch."""
+    coarse: Hook | None = None
+    """Low-pass filter applied to a change of latents before consensus: matches are exact to half a
+    cell, and detail averaged at that precision is lost. Linear, view by view. None: the identity,
+    as for cells that are one vector each."""
 
     @property
     def name(self) -> str:
@@ -76,15 +85,14 @@ class DiffusionEditor:
         """
         self.check(batch.prompt)
         _check_shapes(batch)
-        weighted, settings = for_settings(self.denoiser, settings)
+        denoiser, settings = for_settings(self.denoiser, settings)
         if batch.anchored is not None and batch.anchored.all():
             yield EditProgress(settings.step_count, settings.step_count, batch.images.clone())
             return
         whole = padded(batch, self.denoiser)
         free = _free(batch)
-        denoiser = with_subject_mask(weighted, whole.subject, free)
         z0, anchor = _encoded(whole, self.denoiser)
-        agree, share = _hooks(whole, settings, self.capabilities)
+        agree, share = _hooks(whole, settings, self.coarse)
         noise = torch.randn(z0.shape, generator=generator, dtype=z0.dtype)
         rows, columns = z0.shape[2:]
         levels = levels_for(denoiser, settings, (rows, columns))
@@ -109,17 +117,41 @@ class DiffusionEditor:
         """The cost of a view of such a batch, measured by evaluating the network. Draws nothing
         from anyone's generator. Raises what `edit` raises."""
         self.check(batch.prompt)
-        weighted, settings = for_settings(self.denoiser, settings)
+        denoiser, settings = for_settings(self.denoiser, settings)
         whole = padded(batch, self.denoiser)
-        denoiser = with_subject_mask(weighted, whole.subject)
         z0 = denoiser.encode(whole.images)
         rows, columns = z0.shape[2:]
         levels = levels_for(denoiser, settings, (rows, columns))
         noise = torch.randn(z0.shape, generator=torch.Generator().manual_seed(0))
-        x = add_noise(z0, noise.to(z0), levels[0])
-        return measure_cost(
-            denoiser, x, whole.originals, batch.prompt, settings, levels, self.known
+        x, originals = add_noise(z0, noise.to(z0), levels[0]), whole.originals
+        predictor, spent = prepared(denoiser, x, originals, batch.prompt, settings, self.known)
+        condition, condition_s = _timed(
+            lambda: denoiser.condition(originals, batch.prompt, torch.Generator())
         )
+        _, encode_s = _timed(lambda: denoiser.encode(whole.images[:1]))
+        _, decode_s = _timed(lambda: denoiser.decode(x[:1]))
+        (_, first), (_, second) = (  # the first may compile
+            _timed(lambda: predict_guided(predictor, condition, x, levels[0], settings))
+            for _ in range(2)
+        )
+        evaluations = len(x) * sum(needed(*settings.scales))
+        return Cost(
+            steps=len(levels) - 1,
+            evaluations=sum(branches_of(levels, settings)),
+            evaluation_s=min(first, second) / evaluations,
+            encode_s=encode_s,
+            decode_s=decode_s,
+            peak_bytes=most_bytes(),
+            precision="bfloat16" if isinstance(predictor, InBfloat16) else "float32",
+            spent=spent + 2 * evaluations,
+            condition_s=condition_s / len(x),
+        )
+
+
+def _timed(work: Callable[[], T]) -> tuple[T, float]:
+    """(result, seconds of wall time)."""
+    started = time.monotonic()
+    return work(), time.monotonic() - started
 
 
 class Counted(Around):
@@ -138,37 +170,17 @@ class Counted(Around):
         return self.network.branches(x, t, condition, need)
 
 
-def with_subject_mask(
-    denoiser: Denoiser,
-    subject: Float[Tensor, "v H W"] | None,
-    views: Int[Tensor, " n"] | None = None,
-) -> Denoiser:
-    """The denoiser for these `views` (None: all), whose subject is in this mask.
-
-    Itself where there is no mask, or the denoiser takes none.
-    """
-    with_subject = denoiser.capabilities.with_subject
-    if subject is None or with_subject is None:
-        return denoiser
-    return with_subject(subject if views is None else subject[views])
-
-
 def padded(batch: EditBatch, denoiser: Denoiser) -> EditBatch:
     """The batch with the sides that the denoiser wants; added cells are in no cluster."""
     images, originals = (
         pad_to_multiple(pictures, denoiser.multiple, denoiser.padding)
         for pictures in (batch.images, batch.originals)
     )
-    subject = batch.subject
-    if subject is not None:
-        subject = pad_to_multiple(subject, denoiser.multiple, denoiser.padding)
     matches = batch.correspondences
     if matches is not None:
         labels = _padded_labels(matches.labels, batch.images, images, denoiser.cell)
         matches = replace(matches, labels=labels)
-    return replace(
-        batch, images=images, originals=originals, subject=subject, correspondences=matches
-    )
+    return replace(batch, images=images, originals=originals, correspondences=matches)
 
 
 def _padded_labels(
@@ -225,7 +237,7 @@ def _encoded(
 
 
 def _hooks(
-    batch: EditBatch, settings: SamplerSettings, capabilities: Capabilities
+    batch: EditBatch, settings: SamplerSettings, coarse: Hook | None
 ) -> tuple[Hook | None, Hook]:
     """(consensus, noise sharing) of a padded batch."""
     if batch.correspondences is None:
@@ -234,7 +246,6 @@ def _hooks(
     agree = partial(
         consensus, labels=labels, anchored=batch.anchored, strength=settings.consensus_weight
     )
-    coarse = capabilities.coarse
     if coarse is not None:
         agree = partial(_agree_coarsely, agree, coarse)
     if settings.noise == "independent":

@@ -11,8 +11,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from gsedit.errors import UsageError
-from gsedit.fitting.loss_terms import LossTerm
-from gsedit.fitting.settings import UpdateSettings
+from gsedit.fitting.settings import LossTerm, UpdateSettings
 from gsedit.measures import losses
 from gsedit.measures.features import FeatureExtractor
 from gsedit.measures.perceptual import INSTALL, is_installed, perceptual_distance

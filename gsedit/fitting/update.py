@@ -36,7 +36,7 @@ COARSE_SIZE = 192
 of this longer side up to twice as many pixels."""
 COARSE_SHARE = 0.75
 """Share of the steps that run first, before those at full size. On views of 1024 pixels, colors end
-6 dB nearer to a known edit than at full size throughout (docs/measurements/resolution.md)."""
+6 dB nearer to a known edit than at full size throughout (docs/measurements/editing.md)."""
 
 
 def rates(geometry: Literal["appearance", "full"], radius: float) -> dict[str, float]:

@@ -3,19 +3,17 @@
 Keys: `means` (n,3), `quats` (n,4) wxyz, `log_scales` (n,3), `logit_opacities` (n,), `sh` (n,k,3),
 all float32; `extra/NAME` (n,) for each extra column; `elements/NAME` for other tables; `comments`,
 a line each, and `antialiased` if the scene is so. Members are not compressed, nothing is pickled.
+Reading and writing hold the scene.
 """
 
 from __future__ import annotations
 
 import zlib
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from math import isqrt, prod
 from pathlib import Path
-from shutil import copyfileobj
-from tempfile import TemporaryFile
 from tokenize import TokenError
-from typing import Any
 from zipfile import BadZipFile, ZipFile
 
 import numpy as np
@@ -23,12 +21,13 @@ from numpy.lib import format as npy
 
 from gsedit.errors import InputError
 from gsedit.formats.streams import (
-    AT_ONCE,
     Blocks,
     ReadOptions,
     SceneHeader,
     SceneSource,
     WriteOptions,
+    gather,
+    in_blocks,
 )
 from gsedit.scene.table import SPLAT_FIELDS, SplatTable
 
@@ -37,37 +36,34 @@ _TAILS = {"means": (3,), "quats": (4,), "log_scales": (3,), "logit_opacities": (
 MOST_PACKED = 100
 """How many times larger than the file its arrays may be: floats pack 10 times at the best."""
 _DAMAGED = (
-    BadZipFile,
-    NotImplementedError,
-    OSError,
-    ValueError,
-    EOFError,
-    RuntimeError,
-    SyntaxError,
-    TokenError,
-    zlib.error,
+    *(BadZipFile, NotImplementedError, OSError, ValueError, EOFError, RuntimeError),
+    *(SyntaxError, TokenError, KeyError, zlib.error),
 )
+"""Errors that numpy and zipfile raise for damaged archives."""
 Kind = tuple[tuple[int, ...], np.dtype]
 """The shape and the type of an array."""
 BESIDE_MAX_BYTES = 16 << 20
-"""Largest size of comments and of each other table, bytes: they are read whole."""
+"""Largest size of comments and of each other table, bytes."""
 
 
 def open_source(path: Path, options: ReadOptions) -> SceneSource:
-    """Open a .npz; its arrays are read in parts. Raises InputError for one that is no scene."""
-    with Archive(path) as archive:
-        kinds = {name: archive.announced(name) for name in archive.names}
-        count, k = _sizes(path, kinds)
-        extra = {
-            name.removeprefix(EXTRA): kind
-            for name, (shape, kind) in kinds.items()
-            if name.startswith(EXTRA) and shape == (count,) and kind.kind in "iufb"
-        }
-        beside = {
-            name: archive.whole(name)
-            for name, kind in kinds.items()
-            if _is_element(name, *kind) or name in ("comments", "antialiased")
-        }
+    """Open a .npz. Raises InputError for one that is no scene."""
+    kinds = _announced(path)
+    count, k = _sizes(path, kinds)
+    extra = {
+        name.removeprefix(EXTRA): kind
+        for name, (shape, kind) in kinds.items()
+        if name.startswith(EXTRA) and shape == (count,) and kind.kind in "iufb"
+    }
+    chosen = [
+        name
+        for name, kind in kinds.items()
+        if _is_element(name, *kind) or name in ("comments", "antialiased")
+    ]
+    beside = _arrays(path, chosen)
+    large = [name for name, rows in beside.items() if rows.nbytes > BESIDE_MAX_BYTES]
+    if large:
+        raise InputError(f"{path}: {large[0]} is larger than {BESIDE_MAX_BYTES >> 20} MiB: cut it")
     known = {*SPLAT_FIELDS, *beside, *(EXTRA + name for name in extra)}
     unknown = [name for name in kinds if name not in known]
     header = SceneHeader(
@@ -90,7 +86,31 @@ def _is_element(name: str, shape: tuple[int, ...], kind: np.dtype) -> bool:
     return name.startswith(ELEMENTS) and len(shape) == 1 and plain and named
 
 
-def _sizes(path: Path, kinds: dict[str, Kind]) -> tuple[int, int]:
+def _announced(path: Path) -> dict[str, Kind]:
+    """The arrays as their headers announce them. Raises InputError where the file is damaged, or
+    unpacks to more, or to less, than that."""
+    kinds = {}
+    with _readable(path), ZipFile(path) as archive:
+        sizes = sum(info.file_size for info in archive.infolist())
+        if sizes > MOST_PACKED * path.stat().st_size:
+            raise ValueError(f"it would unpack to {sizes / 1e9:.3g} GB")
+        for info in archive.infolist():
+            if not info.filename.endswith(".npy"):
+                continue
+            with archive.open(info) as member:
+                version = npy.read_magic(member)
+                read = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
+                shape, _, kind = read(member)
+                size = info.file_size - member.tell()
+            if kind.hasobject:
+                raise ValueError("an array holds pickled objects")
+            if size != prod(shape) * kind.itemsize:
+                raise ValueError(f"{info.filename} has {size} bytes for shape {shape}")
+            kinds[info.filename.removesuffix(".npy")] = shape, kind
+    return kinds
+
+
+def _sizes(path: Path, kinds: Mapping[str, Kind]) -> tuple[int, int]:
     """n and k of the arrays; InputError where they are not those of a scene."""
     missing = [name for name in SPLAT_FIELDS if name not in kinds]
     if missing:
@@ -110,126 +130,39 @@ def _sizes(path: Path, kinds: dict[str, Kind]) -> tuple[int, int]:
     return count, k
 
 
-class Archive:
-    """The arrays of a .npz, each announced first and then read in parts or whole."""
+def _arrays(path: Path, names: list[str]) -> dict[str, np.ndarray]:
+    """Some arrays, with at least one axis each."""
+    with _readable(path), np.load(path, allow_pickle=False) as arrays:
+        return {name: np.atleast_1d(arrays[name]) for name in names}
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        with self._readable():
-            self.zip = ZipFile(path)
-        sizes = sum(info.file_size for info in self.zip.infolist())
-        if sizes > MOST_PACKED * path.stat().st_size:
-            raise self._error(f"it would unpack to {sizes / 1e9:.3g} GB")
 
-    def __enter__(self) -> Archive:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.zip.close()
-
-    @property
-    def names(self) -> list[str]:
-        return [n.removesuffix(".npy") for n in self.zip.namelist() if n.endswith(".npy")]
-
-    def announced(self, name: str) -> Kind:
-        """The shape and type of an array."""
-        with self._readable(), self.zip.open(f"{name}.npy") as member:
-            shape, kind = self._header(member)
-            size = self.zip.getinfo(f"{name}.npy").file_size - member.tell()
-        if size != prod(shape) * kind.itemsize:
-            raise self._error(f"{name} has {size} bytes for shape {shape}")
-        return shape, kind
-
-    def parts(self, name: str, rows: int) -> Iterator[np.ndarray]:
-        """An array in parts of some rows."""
-        with ExitStack() as stack:
-            with self._readable():
-                member = stack.enter_context(self.zip.open(f"{name}.npy"))
-                shape, kind = self._header(member)
-            for start in range(0, shape[0], rows):
-                part = (min(rows, shape[0] - start), *shape[1:])
-                with self._readable():
-                    data = member.read(prod(part) * kind.itemsize)
-                    yield np.frombuffer(data, kind).reshape(part)
-
-    def whole(self, name: str) -> np.ndarray:
-        """A small array, with at least one axis."""
-        shape, kind = self.announced(name)
-        if prod(shape) * kind.itemsize > BESIDE_MAX_BYTES:
-            raise self._error(f"{name} is larger than {BESIDE_MAX_BYTES >> 20} MiB")
-        with self._readable(), self.zip.open(f"{name}.npy") as member:
-            self._header(member)
-            return np.atleast_1d(np.frombuffer(member.read(), kind).reshape(shape))
-
-    def _header(self, member: Any) -> Kind:
-        version = npy.read_magic(member)
-        read = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
-        shape, fortran, kind = read(member)
-        if fortran and len(shape) > 1:
-            raise ValueError("an array is stored column by column")
-        if kind.hasobject:
-            raise ValueError("an array holds pickled objects")
-        return shape, kind
-
-    @contextmanager
-    def _readable(self) -> Iterator[None]:
-        try:
-            yield
-        except _DAMAGED as error:
-            raise self._error(str(error).split("\n")[0]) from None
-
-    def _error(self, reason: str) -> InputError:
-        return InputError(f"{self.path} cannot be read as .npz ({reason}): save it again")
+@contextmanager
+def _readable(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except _DAMAGED as error:
+        reason = str(error).split("\n")[0]
+        raise InputError(f"{path} cannot be read as .npz ({reason}): save it again") from None
 
 
 def _read(path: Path, header: SceneHeader) -> Blocks:
-    keys = {**{name: name for name in SPLAT_FIELDS}, **{n: EXTRA + n for n in header.extra}}
-    with Archive(path) as archive:
-        streams = [archive.parts(key, AT_ONCE) for key in keys.values()]
-        for parts in zip(*streams):
-            with np.errstate(over="ignore"):  # a double beyond float32 becomes inf: found later
-                fields = [part.astype(np.float32) for part in parts[: len(SPLAT_FIELDS)]]
-            extra = dict(zip(header.extra, parts[len(SPLAT_FIELDS) :]))
-            yield SplatTable(*fields, extra=extra)
+    arrays = _arrays(path, [*SPLAT_FIELDS, *(EXTRA + name for name in header.extra)])
+    with np.errstate(over="ignore"):  # a double beyond float32 becomes inf: found later
+        fields = [arrays[name].astype(np.float32, "C", copy=False) for name in SPLAT_FIELDS]
+    extra = {name: arrays[EXTRA + name] for name in header.extra}
+    yield from in_blocks(SplatTable(*fields, extra=extra))
 
 
 def write(path: Path, header: SceneHeader, blocks: Blocks, options: WriteOptions) -> int:
-    """Write the arrays; the number of rows. Each waits in a file beside `path` that has no name,
-    as the archive holds one after the other."""
-    k = (header.degree + 1) ** 2
-    kinds: dict[str, Kind] = {
-        **{name: (tail, np.dtype("<f4")) for name, tail in {**_TAILS, "sh": (k, 3)}.items()},
-        **{EXTRA + name: ((), np.dtype(kind)) for name, kind in header.extra.items()},
-    }
-    count = 0
-    with ExitStack() as stack:
-        spools = {name: stack.enter_context(TemporaryFile(dir=path.parent)) for name in kinds}
-        for block in blocks:
-            for name, (_, kind) in kinds.items():
-                own = block.extra[name.removeprefix(EXTRA)] if EXTRA in name else None
-                values = getattr(block, name) if own is None else own
-                spools[name].write(np.ascontiguousarray(values, kind).data)
-            count += len(block)
-        archive = stack.enter_context(ZipFile(path, "w"))
-        for name, (tail, kind) in kinds.items():
-            with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
-                start = {"descr": npy.dtype_to_descr(kind), "fortran_order": False}
-                npy.write_array_header_1_0(member, {**start, "shape": (count, *tail)})
-                spools[name].seek(0)
-                copyfileobj(spools[name], member, 1 << 20)
-        for name, values in _beside(header).items():
-            with archive.open(f"{name}.npy", "w") as member:
-                npy.write_array(member, values, allow_pickle=False)
-    return count
-
-
-def _beside(header: SceneHeader) -> dict[str, np.ndarray]:
-    """Arrays of the file that do not have one value a row."""
-    arrays = {ELEMENTS + name: rows for name, rows in header.elements.items()}
-    if header.comments:
-        arrays["comments"] = np.array(
-            "\n".join(header.comments)
-        )  # as an array, all would be padded
+    """Write the arrays; the number of rows."""
+    table = gather(blocks, header, 0)
+    arrays = {name: getattr(table, name) for name in SPLAT_FIELDS}
+    arrays |= {EXTRA + name: column for name, column in table.extra.items()}
+    arrays |= {ELEMENTS + name: rows for name, rows in header.elements.items()}
+    if header.comments:  # in one text: as an array, all would be padded
+        arrays["comments"] = np.array("\n".join(header.comments))
     if header.antialiased:
         arrays["antialiased"] = np.array(True)
-    return arrays
+    with path.open("wb") as file:
+        np.savez(file, **arrays)
+    return len(table)

@@ -17,7 +17,7 @@ from gsedit.formats.streams import (
     SceneSource,
     WriteOptions,
 )
-from gsedit.formats.table import FORMATS, INDICES, READABLE, WRITABLE, Format
+from gsedit.formats.table import FORMATS, INDEX, READABLE, WRITABLE, Format
 from gsedit.storage.atomic import atomic_path
 from gsedit.storage.inputs import existing_file
 
@@ -28,7 +28,7 @@ def open_scene(path: str | Path, options: ReadOptions = AS_SPECIFIED) -> SceneSo
     Raises UsageError for another suffix, InputError for a file that is not what it should be.
     """
     path = Path(path)
-    path = in_folder(path)
+    path = path / INDEX if (path / INDEX).is_file() else path
     existing_file(path)  # before the suffix: that the file is missing is the more useful message
     format = _format(path)
     if format is None:
@@ -41,19 +41,9 @@ def open_scene(path: str | Path, options: ReadOptions = AS_SPECIFIED) -> SceneSo
     return import_module(f"gsedit.formats.{name}").open_source(path, options)
 
 
-def in_folder(path: Path) -> Path:
-    """The index of a SOG scene, streamed or not, whose folder is given; else the path itself."""
-    return next((path / name for name in INDICES if (path / name).is_file()), path)
-
-
 def writable_format(path: str | Path) -> Format:
     """The format to write at a path. Raises UsageError where there is none."""
     format = _format(Path(path))
-    if format is not None and format.module == "sog.streamed":
-        raise UsageError(
-            f"{path}: gsedit decimate SCENE 50% --levels 4 --format streamed -o FOLDER writes "
-            "streamed SOG with its levels"
-        )
     if format is None or not format.writes:
         raise UsageError(f"{path}: gsedit writes {', '.join(WRITABLE)}: choose one of these")
     return format

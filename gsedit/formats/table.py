@@ -22,18 +22,17 @@ class Format:
 
 MESHES = (".obj", ".stl", ".off")
 USD = (".usda", ".usdc", ".usd", ".usdz")
-INDICES = ("meta.json", "lod-meta.json")
-"""Names of files that stand for their folder: those of SOG."""
+INDEX = "meta.json"
+"""Name of the file that stands for its folder: a SOG that is no zip."""
 TABLE = frozenset(("extra", "elements", "comments"))
 NOTES = frozenset(("comments", "antialiased"))
 """Fields that tables keep beside the splats, and that files with free text keep."""
 FORMATS = (
     Format(".ply", "ply.inria", max_degree=4, keeps=TABLE),
     Format(".compressed.ply", "ply.compressed"),
-    Format(".spz", "spz.file", max_degree=4, keeps=frozenset(("antialiased",))),
+    Format(".spz", "spz", max_degree=4, keeps=frozenset(("antialiased",))),
     Format(".sog", "sog.file", keeps=frozenset(("antialiased",))),
-    Format("meta.json", "sog.file", writes=False),
-    Format("lod-meta.json", "sog.streamed", writes=False),
+    Format(INDEX, "sog.file", writes=False),
     Format(".splat", "splat", max_degree=0),
     Format(".ksplat", "ksplat", writes=False),
     Format(".glb", "gltf.file", keeps=NOTES),

@@ -1,8 +1,10 @@
-"""Light that a scene was captured in, roughly: weights of the directions of a sky.
+"""Light that a scene was captured in, roughly: surfaces, open sky, and weights of its directions.
 
 Colors are surface times light. Gaussians of one hue are taken for one surface; what then is left of
 their luminance is explained by light from the sky's directions, at least 0 each, past what hides
-them. `n` Gaussians, `d` directions.
+them. It is the light on each Gaussian of a scene, of one color; the light around one place, from
+all directions and in color, is another question: gsedit.surface.surroundings.
+`n` Gaussians, `d` directions.
 """
 
 from __future__ import annotations
@@ -12,16 +14,73 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from jaxtyping import Float, Float64, Int64
+from jaxtyping import Float, Float64, Int, Int64
 from torch import Tensor
 
 from gsedit.cameras.place import Place, place_of
-from gsedit.light.surface import Surface, surface_of
 from gsedit.scene.cache import cached_per_scene
 from gsedit.scene.color_space import LUMINANCE, lab_of_srgb, linear_of_srgb
+from gsedit.scene.neighbors import nearest
+from gsedit.surface.normals import estimate_normals, neighbor_means, visible_area
+from gsedit.surface.shadows import casters, open_share, sky_directions
+from gsedit.surface.surroundings import light_near
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution, sh_to_color
 from rasterizer.scene import Gaussians
+
+SKY_REACH = 0.5
+"""Distance, in the radius, up to which something hides the sky: farther off, captures hold
+ceilings and haze."""
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """Gaussians near the subject as light finds them, a row each."""
+
+    points: Float[Tensor, "n 3"]
+    """Centers in world units, float64."""
+    normals: Float[Tensor, "n 3"]
+    """Outward unit vectors, float64."""
+    confidence: Float[Tensor, " n"]
+    """Confidence of the normals, in [0, 1]."""
+    near: Int[Tensor, "n k"]
+    """Rows of the nearest neighbors."""
+    directions: Float[Tensor, "d 3"]
+    """Directions of the sky, unit vectors, float64."""
+    open: Float[Tensor, "n d"]
+    """Share of each direction's light that comes through, in [0, 1]."""
+    occluders: Gaussians
+    place: Place
+
+    def smoothed(self, values: Float[Tensor, "n ..."], rounds: int = 2) -> Float[Tensor, "n ..."]:
+        """Means over the nearest neighbors: single Gaussians know their place badly."""
+        return neighbor_means(values, self.near, rounds)
+
+    def facing(self, direction: Float[Tensor, "... 3"]) -> Float[Tensor, "n ..."]:
+        """Cosine of light from unit vectors, at least 0; where a normal is not sure, that of a leaf
+        of any direction, 1 / 4."""
+        cosine = (self.normals @ direction.transpose(0, -1)).clamp_min(0)
+        sure = self.confidence if direction.ndim == 1 else self.confidence[:, None]
+        return sure * cosine + (1 - sure) / 4
+
+
+def surface_of(
+    scene: Gaussians, place: Place, cameras: Sequence[Camera], execution: Execution = AUTO
+) -> Surface:
+    """Normals of Gaussians and how much of the sky each sees."""
+    normals = estimate_normals(scene, cameras, execution)
+    unit = normals.directions.double()
+    points = scene.means.detach().double()
+    directions = sky_directions(place)
+    occluders = casters(scene, place)
+    reach = SKY_REACH * place.radius
+    seen = open_share(occluders, place, points, directions, execution, normals=unit, reach=reach)
+    near = torch.from_numpy(nearest(scene.means.detach().float().numpy())[1])
+    return Surface(
+        points, unit, normals.confidence.double(), near, directions, seen,
+        occluders, place,
+    )  # fmt: skip
+
 
 HUE_STEP = 8.0
 """Side of the squares of Lab a and b that count as one surface."""
@@ -71,7 +130,7 @@ def survey(
     Gaussian fills (None: as its size is)."""
     scene = scene.detach()
     if seen is None:
-        seen = scene.opacities * scene.scales.sort(-1).values[:, 1:].prod(-1)
+        seen = visible_area(scene)
     place = place_of(scene, cameras, seen)
     surface = surface_of(scene, place, cameras, execution)
     trust, sky = place.trust(surface.points), received(surface)
@@ -123,8 +182,6 @@ def _fitted(
     trust: Float64[np.ndarray, " m"],
 ) -> Float64[np.ndarray, " c"]:
     """Weights of directions, with one brightness for each group; their mean is 1."""
-    from scipy.optimize import nnls
-
     count = design.shape[1]
     even = np.ones(count)
     even[-1] = INDIRECT
@@ -137,8 +194,6 @@ def _fitted(
         albedo = (top / np.maximum(np.bincount(group, trust * light * light), 1e-12))[group]
         scaled = design * (trust * albedo)[:, None]
         unit = max(float(np.sqrt(np.square(trust * albedo).mean())), 1e-9)
-        system = np.concatenate((scaled / unit, pull * np.eye(count)))
-        wanted = np.concatenate((trust * luminance / unit, pull * even))
-        weights = nnls(system, wanted)[0]
+        weights = light_near(scaled / unit, trust * luminance / unit, even, np.full(count, pull))[0]
         weights = weights / max(float(weights[:-1].mean()), 1e-9)
     return weights

@@ -10,24 +10,76 @@ trusted, far from the subject, the factor is one tone for all, the mean of what 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
 from gsedit.cameras.place import Place
-from gsedit.light.color_change import ColorChange, only_inside, step
-from gsedit.light.present import Survey, survey
-from gsedit.light.setup import Fog, Lamp, LightSetup, Sun
-from gsedit.light.shadows import SHARP, lit_share, parallel_map, spot_map, sun_directions
-from gsedit.light.surface import OFFSET_PIXELS, Surface
+from gsedit.light.named import Fog, Lamp, LightSetup, Sun
+from gsedit.light.present import Surface, Survey, survey
 from gsedit.scene.color_space import LUMINANCE
 from gsedit.scene.quantiles import weighted_quantile
+from gsedit.surface.shadows import (
+    OFFSET_PIXELS,
+    SHARP,
+    lit_share,
+    open_share,
+    spot_map,
+    sun_directions,
+)
 from gsedit.toolkit.grade import GAMMA
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, SH_DC, Execution, sh_to_color
 from rasterizer.scene import Gaussians
+
+
+@dataclass(frozen=True, eq=False)
+class ColorChange:
+    """Change of display colors, for each Gaussian: its saturation, a factor, and a veil over it."""
+
+    saturation: float
+    factor: Float[Tensor, "n 3"]
+    veil: Float[Tensor, " n"]
+    """Share, in [0, 1], that the veil's color replaces."""
+    veil_color: Float[Tensor, "n 3"]
+
+    def applied(self, scene: Gaussians) -> Gaussians:
+        """The scene with its colors changed, from every direction alike."""
+        sh = scene.sh.detach().double()
+        color = sh_to_color(sh[:, :1])
+        weights = torch.from_numpy(LUMINANCE / LUMINANCE.sum())
+
+        def muted(values: Float[Tensor, "n k 3"]) -> Float[Tensor, "n k 3"]:
+            gray = (values * weights).sum(-1, keepdim=True)
+            return gray + self.saturation * (values - gray)
+
+        clear = (1 - self.veil)[:, None, None]
+        factor = self.factor[:, None] * clear
+        color = muted(color) * factor + (self.veil[:, None] * self.veil_color)[:, None]
+        rest = muted(sh[:, 1:]) * factor
+        return replace(scene, sh=torch.cat(((color - 0.5) / SH_DC, rest), 1).to(scene.sh))
+
+
+def only_inside(
+    before: Gaussians, after: Gaussians, inside: Bool[Tensor, " n"] | None
+) -> Gaussians:
+    """The later scene inside, the earlier one's coefficients outside; None: inside is all.
+
+    Bands that the earlier scene does not have are 0 outside.
+    """
+    if inside is None or bool(inside.all()):
+        return after
+    outside = before.detach().with_degree(after.degree).sh
+    return replace(after, sh=torch.where(inside[:, None, None], after.sh, outside))
+
+
+def step(values: Float[Tensor, "*n"], low: float, high: float) -> Float[Tensor, "*n"]:
+    """0 below `low`, 1 above `high`, smooth between; the other way round where `low` is larger."""
+    t = ((values - low) / (high - low)).clamp(0, 1)
+    return t * t * (3 - 2 * t)
+
 
 MIDDLE = 0.14
 """Mean linear luminance of a picture that is exposed well: of a display, 0.41."""
@@ -145,16 +197,11 @@ def light_on(
 def _sunlight(surface: Surface, sun: Sun, execution: Execution) -> Float[Tensor, "n 3"]:
     place = surface.place
     direction = place.direction(sun.azimuth, sun.elevation)
-    points = _lifted(surface)
-    shares = [
-        lit_share(
-            parallel_map(surface.occluders, place, ray, SHARP, execution),
-            points,
-            SUN_REACH * place.radius,
-        )
-        for ray in sun_directions(direction, sun.blur)
-    ]
-    arrives = torch.stack(shares).mean(0) * surface.facing(direction)
+    shares = open_share(
+        surface.occluders, place, surface.points, sun_directions(direction, sun.blur), execution,
+        normals=surface.normals, side=SHARP, reach=SUN_REACH * place.radius,
+    )  # fmt: skip
+    arrives = shares.mean(1) * surface.facing(direction)
     return sun.strength * arrives[:, None] * torch.tensor(sun.color).double()
 
 
@@ -164,7 +211,7 @@ def _lamplight(surface: Surface, lamp: Lamp, execution: Execution) -> Float[Tens
     distance = lamp.distance * place.distance
     eye = place.center + distance * direction
     seen = spot_map(surface.occluders, place, eye, lamp.cone, execution)
-    points = _lifted(surface)
+    points = surface.points + OFFSET_PIXELS * 2 * place.radius / SHARP * surface.normals
     to_lamp = eye - points
     away = to_lamp.norm(dim=-1).clamp_min(1e-9)
     unit = to_lamp / away[:, None]
@@ -177,11 +224,6 @@ def _lamplight(surface: Surface, lamp: Lamp, execution: Execution) -> Float[Tens
     fading = (distance / away.clamp_min(0.2 * distance)).square()
     arrives = share * facing * fading * rim * rim * (3 - 2 * rim)
     return lamp.strength * arrives[:, None] * torch.tensor(lamp.color).double()
-
-
-def _lifted(surface: Surface) -> Float[Tensor, "n 3"]:
-    pixel = 2 * surface.place.radius / SHARP
-    return surface.points + OFFSET_PIXELS * pixel * surface.normals
 
 
 def _change(

@@ -1,6 +1,9 @@
 """A part of a scene in a material: its Gaussians get the colors that it has in the scene's light.
 
 Nothing moves, and nothing else changes: colors agree between views since they are the Gaussians'.
+What is carved stays under the new material, and paint goes. A Gaussian that is darker than those
+around it lies in a carved line, or is painted so: it counts as carved as far as its hue is that of
+its surroundings, and surely where the surface is hollow.
 `n` Gaussians, `m` of them inside the part, `v` directions.
 """
 
@@ -17,11 +20,9 @@ from torch import Tensor
 from gsedit.cameras.paths import up_of
 from gsedit.datasets.dataset import evenly_spaced
 from gsedit.errors import UsageError
-from gsedit.materials.carving import carved, engraved, visible_area
-from gsedit.materials.material import Material
 from gsedit.materials.patterns import Ground, coverage
-from gsedit.materials.present import USUAL_ALBEDO, Received, are_too_dark, as_shaded
 from gsedit.materials.shading import (
+    RAYS,
     Lighting,
     Skin,
     arriving,
@@ -29,27 +30,108 @@ from gsedit.materials.shading import (
     everywhere,
     lighting,
     outgoing,
-    rays_of,
+    ray_directions,
     reflectance,
 )
+from gsedit.materials.table import Material
 from gsedit.scene.cache import cached_per_scene
-from gsedit.scene.color_space import srgb_of_linear
+from gsedit.scene.color_space import LUMINANCE, linear_of_srgb, srgb_of_linear
 from gsedit.scene.framing import guess_up
+from gsedit.scene.quantiles import ends
 from gsedit.scene.quaternions import even_directions, turn_between
-from gsedit.surface.directions import FAINT
-from gsedit.surface.normals import estimate_normals, rows_near
-from gsedit.surface.occlusion import nothing, occupancy
+from gsedit.surface.normals import estimate_normals, neighbor_means, rows_near, visible_area
+from gsedit.surface.shadows import past_body
 from gsedit.surface.surroundings import (
+    FAINT,
+    USUAL_ALBEDO,
+    as_shaded,
     balanced,
     find_surroundings,
+    light_at,
     middle,
-    surroundings_at,
     with_studio,
 )
 from rasterizer.camera import Camera
 from rasterizer.harmonics import basis
-from rasterizer.numerics import AUTO, SH_DC, Execution
+from rasterizer.numerics import AUTO, SH_DC, Execution, sh_to_color
 from rasterizer.scene import Gaussians
+
+ROUNDS = 12
+"""Means over the nearest neighbors, one after the other: the surroundings of a Gaussian."""
+DETAIL = (0.45, 1.15)
+"""Least and largest ratio to the surroundings, in linear light, that counts as carving."""
+HUE = 0.12
+"""Difference in the share of a channel at which a color is half paint."""
+FLAT = 0.6
+"""Share of darkness that stays where the surface is not hollow."""
+DEPTH = 3.0
+"""Slope of a carved line, against the change of the logarithm of light between neighbors."""
+HOLLOW = 0.12
+"""Mean sine at which neighbors stand above a surface that is fully hollow."""
+
+
+@dataclass(frozen=True, eq=False)
+class Relief:
+    """How a surface is carved."""
+
+    detail: Float[Tensor, " n"]
+    """Factor on the light, about 1 where nothing is carved."""
+    hollow: Float[Tensor, " n"]
+    """How hollow or carved it is there, in [0, 1]."""
+    color: Float[Tensor, "n 3"]
+    """Linear color of the surroundings of each Gaussian on the surface."""
+
+    @property
+    def luminance(self) -> Float[Tensor, " n"]:
+        """Linear luminance of that color."""
+        return self.color @ torch.from_numpy(LUMINANCE).to(self.color)
+
+
+def carved(part: Gaussians, normals: Float[Tensor, "n 3"], rows: Int[Tensor, "n k"]) -> Relief:
+    """The relief of a subject's Gaussians; `rows` are those of the nearest to each."""
+    weights = torch.from_numpy(LUMINANCE).to(part.means)
+    display = sh_to_color(part.sh[:, 0]).clamp(0, 1).double().numpy()
+    linear = torch.from_numpy(linear_of_srgb(display)).to(part.means) + 1e-3
+    if not rows.shape[1]:
+        ones = part.means.new_ones(len(part))
+        return Relief(ones, torch.zeros_like(ones), linear)
+    size = visible_area(part).clamp_min(1e-30)[:, None].to(linear)
+    around = neighbor_means(
+        torch.cat((linear, torch.ones_like(linear[:, :1])), 1) * size, rows, ROUNDS
+    )
+    around = around[:, :3] / around[:, 3:]
+    near = neighbor_means(linear, rows, 1)
+    ratio = (near @ weights) / (around @ weights)
+    hue = (near / near.sum(1, keepdim=True) - around / around.sum(1, keepdim=True)).abs().amax(1)
+    hue = hue * ratio.clamp(0, 1)  # what is black has no hue: it may be a crack
+    stone = 1 / (1 + (hue / HUE).square())
+    offset = torch.nn.functional.normalize(part.means[rows] - part.means[:, None], dim=-1)
+    rise = neighbor_means(((offset * normals[:, None]).sum(-1)).mean(1, keepdim=True), rows, 2)[
+        :, 0
+    ]
+    hollow = (rise / HOLLOW).clamp(0, 1)
+    kept = stone * (FLAT + (1 - FLAT) * hollow)
+    detail = ratio.clamp(*DETAIL) ** kept
+    dark = ((1 - ratio) / (1 - DETAIL[0])).clamp(0, 1) * stone
+    return Relief(detail, torch.maximum(hollow, dark).clamp(0, 1), around)
+
+
+def engraved(
+    points: Float[Tensor, "n 3"],
+    normals: Float[Tensor, "n 3"],
+    relief: Relief,
+    rows: Int[Tensor, "n k"],
+) -> Float[Tensor, "n 3"]:
+    """Unit normals as if what is dark lay deeper: carving that is finer than the normals show
+    turns reflections too."""
+    if not rows.shape[1]:
+        return normals
+    height = relief.detail.log()
+    offset = torch.nn.functional.normalize(points[rows] - points[:, None], dim=-1)
+    slope = ((height[rows] - height[:, None])[..., None] * offset).mean(1)
+    slope = slope - (slope * normals).sum(-1, keepdim=True) * normals
+    return torch.nn.functional.normalize(normals - DEPTH * slope, dim=-1)
+
 
 RIDGE = (0.0, 1e-3, 2e-3, 4e-3)
 """Penalty of the squared coefficients of each degree, against the squared error of colors."""
@@ -150,9 +232,7 @@ def in_material(
             "clean the scene first with gsedit clean, or edit with --editor small"
         )
     degree = 0 if material.is_matte else DEGREE
-    k = max(scene.sh.shape[1], (degree + 1) ** 2)
-    sh = scene.sh.new_zeros(len(scene), k, 3)
-    sh[:, : scene.sh.shape[1]] = scene.sh
+    sh = scene.with_degree(max(scene.degree, degree)).sh
     rows = inside.nonzero().squeeze(-1)
     only = torch.arange(len(rows))
     if shown is not None and not material.is_matte:
@@ -162,7 +242,7 @@ def in_material(
     bare = 1 - coverage(material.clings, studied.ground)[only]
     sh[rows] *= bare[:, None, None].to(sh)
     sh[rows, : colored.shape[1]] += ((1 - bare)[:, None, None] * colored).to(sh)
-    raised = k > scene.sh.shape[1]
+    raised = sh.shape[1] > scene.sh.shape[1]
     notes = (*studied.notes, *((RAISED.format(scene.degree),) if raised else ()))
     return Dressed(replace(scene, sh=sh), notes)
 
@@ -190,24 +270,24 @@ def study(
     ground = Ground(
         (part.means - center) @ turn.T / max(radius, FAINT), normals @ turn.T, relief.hollow
     )
-    skin = Skin(part.means, normals, relief.detail)
     sure = float(found.confidence.median())
     if (eyes := _eyes_within(part, cameras)) is not None:
-        around = surroundings_at(scene, eyes, NEAR_EYES * radius, up, execution, cameras)
-        light = lighting(balanced(around), nothing(part), matte)
+        around = light_at(scene, eyes, NEAR_EYES * radius, up, execution, cameras)
+        light = lighting(balanced(around), matte)
+        skin = Skin(part.means, normals, relief.detail, torch.ones(len(part), RAYS))
         level = (relief.luminance / USUAL_ALBEDO).clamp(*LEVELS)[:, None, None]
         return Studied(light, skin, ground, level.expand(-1, 2, 3), sure, ())
-    grid = occupancy(part)
-    rays = rays_of(grid, skin)
+    open_ = past_body(part, part.means, ray_directions().double(), execution, normals)
+    skin = Skin(part.means, normals, relief.detail, open_.to(normals))
     around = find_surroundings(scene, inside, up, execution, cameras)
     dim = False
     if not around.studio:
-        weight = visible_area(part) if weights is None else weights[inside]
-        shown = Received(relief.color, rays.share, weight)
-        dim = are_too_dark(around, shown, rays.directions)
-        around = with_studio(around, up) if dim else as_shaded(around, shown, rays.directions)
-    light = lighting(balanced(around), grid, matte)
-    sides = torch.cat([arriving(light, skin[rows], rays[rows]) for rows in _parts(len(part))])
+        weight = (visible_area(part) if weights is None else weights[inside]).to(normals)
+        lit = as_shaded(around, relief.color, skin.share, weight, ray_directions().to(normals))
+        dim = lit is None
+        around = with_studio(around, up) if lit is None else lit
+    light = lighting(balanced(around), matte)
+    sides = torch.cat([arriving(light, skin[rows]) for rows in _parts(len(part))])
     notes = (STUDIO,) if around.studio else (DIM,) if dim else ()
     return Studied(light, skin, ground, sides, sure, notes)
 
@@ -218,8 +298,7 @@ def _eyes_within(part: Gaussians, cameras: Sequence[Camera]) -> Float[Tensor, "3
     if not cameras:
         return None
     eyes = torch.stack([camera.center for camera in cameras]).to(part.means)
-    ends = part.means.sort(0).values
-    low, high = (ends[int(share * (len(part) - 1))] for share in (0.1, 0.9))
+    low, high = ends(part.means, 0.1)
     inside = ((eyes > low) & (eyes < high)).all(-1)
     return eyes.mean(0) if float(inside.float().mean()) > 0.5 else None
 

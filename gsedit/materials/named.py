@@ -8,10 +8,17 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 
-from gsedit.materials.material import USUAL_SPECULAR, Layer, Material, darker, recolored
-from gsedit.materials.table import MATERIALS, OVERS
+from gsedit.materials.table import (
+    MATERIALS,
+    OVERS,
+    USUAL_SPECULAR,
+    Layer,
+    Material,
+    darker,
+    recolored,
+)
 from gsedit.words.colors import between, longest
-from gsedit.words.small_looks import material_of as canonical
+from gsedit.words.looks import material_of as canonical
 
 FINISHES: dict[str, dict[str, float]] = {
     "matte": {"roughness": 1.0, "coat": 0.0},

@@ -12,7 +12,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.materials.material import Layer
+from gsedit.materials.table import Layer
 from gsedit.surface.noise import noise
 
 WAVES = 14

@@ -14,16 +14,16 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.materials.material import Material
 from gsedit.materials.patterns import Ground, share_of
+from gsedit.materials.table import Material
 from gsedit.scene.color_space import linear_of_srgb, srgb_of_hex
 from gsedit.scene.quaternions import even_directions
-from gsedit.surface.directions import look_up
-from gsedit.surface.occlusion import Occupancy, open_share
-from gsedit.surface.surroundings import Surroundings, prefiltered, reflected, softened
+from gsedit.surface.surroundings import Surroundings, look_up, prefiltered, reflected, softened
 
 RAYS = 96
 """Directions, even over the sphere, in which light that arrives is looked up."""
+BETWEEN = 40.0
+"""Sharpness of a direction's weight in what is seen between them: half at 11 degrees."""
 ARRIVING = 0.45
 """Roughness at which light is softened as much as these directions are apart."""
 GRAZING = 0.08
@@ -50,24 +50,45 @@ class Lighting:
     """The surroundings, prefiltered for each of ROUGHNESSES."""
     plain: Float[Tensor, "h w 3"]
     """The surroundings, softened, as they light what is matte."""
-    grid: Occupancy
-    """The subject, which shadows itself."""
+
+
+def ray_directions() -> Float[Tensor, "d 3"]:
+    """The directions in which light is looked up, float32."""
+    return torch.from_numpy(even_directions(RAYS)).float()
 
 
 @dataclass(frozen=True, eq=False)
 class Skin:
-    """Surface of a subject, one row a Gaussian: where, how turned, how carved."""
+    """Surface of a subject, one row a Gaussian: where, how turned, how carved, what it sees."""
 
     points: Float[Tensor, "n 3"]
     normals: Float[Tensor, "n 3"]
     detail: Float[Tensor, " n"]
     """Factor on the light for what is carved finer than the normals show."""
+    open: Float[Tensor, "n d"]
+    """Share of the light from each of `ray_directions` that comes past the subject itself."""
 
     def __getitem__(self, rows: slice | Tensor) -> Skin:
-        return Skin(self.points[rows], self.normals[rows], self.detail[rows])
+        return Skin(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
 
     def __len__(self) -> int:
         return len(self.points)
+
+    @property
+    def cosines(self) -> Float[Tensor, "n d"]:
+        """Cosines between the normals and the directions of light."""
+        return self.normals @ ray_directions().to(self.normals).T
+
+    @property
+    def share(self) -> Float[Tensor, "n d"]:
+        """Weight of each direction in what a surface receives in front; 0 where it is hidden."""
+        facing = self.cosines.clamp_min(0)
+        return facing * self.open / facing.sum(1, keepdim=True).clamp_min(1e-6)
+
+    def open_to(self, ways: Float[Tensor, "n 3"]) -> Float[Tensor, "n 1"]:
+        """Share of the light from one direction each, between those that are known."""
+        near = torch.exp(BETWEEN * (ways @ ray_directions().to(ways).T - 1))
+        return (near * self.open).sum(1, keepdim=True) / near.sum(1, keepdim=True)
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,11 +105,11 @@ class Reflectance:
         return Reflectance(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
 
 
-def lighting(surroundings: Surroundings, grid: Occupancy, matte: bool = False) -> Lighting:
-    """The surroundings and a subject's own shadow, made ready; without `maps` for what is matte."""
+def lighting(surroundings: Surroundings, matte: bool = False) -> Lighting:
+    """The surroundings, made ready; without `maps` for what is matte."""
     plain = softened(surroundings, ARRIVING)
     maps = plain[None][:0] if matte else prefiltered(surroundings)
-    return Lighting(surroundings, maps, plain, grid)
+    return Lighting(surroundings, maps, plain)
 
 
 def reflectance(material: Material, ground: Ground) -> Reflectance:
@@ -119,40 +140,14 @@ def reflectance(material: Material, ground: Ground) -> Reflectance:
     return found
 
 
-@dataclass(frozen=True, eq=False)
-class Rays:
-    """Light's ways to each surface: RAYS directions, and whether the subject hides them."""
-
-    directions: Float[Tensor, "d 3"]
-    """Unit vectors, even over the sphere."""
-    open: Float[Tensor, "n d"]
-    cosine: Float[Tensor, "n d"]
-
-    def __getitem__(self, rows: slice) -> Rays:
-        return Rays(self.directions, self.open[rows], self.cosine[rows])
-
-    @property
-    def share(self) -> Float[Tensor, "n d"]:
-        """Weight of each direction in what a surface receives in front; 0 where it is hidden."""
-        facing = self.cosine.clamp_min(0)
-        return facing * self.open / facing.sum(1, keepdim=True).clamp_min(1e-6)
-
-
-def rays_of(grid: Occupancy, skin: Skin) -> Rays:
-    """The ways of light to a skin."""
-    directions = torch.from_numpy(even_directions(RAYS)).to(skin.points)
-    rays = directions.expand(len(skin), RAYS, 3)
-    seen = open_share(grid, skin.points, skin.normals, rays)
-    return Rays(directions, seen, skin.normals @ directions.T)
-
-
-def arriving(light: Lighting, skin: Skin, rays: Rays) -> Float[Tensor, "n 2 3"]:
+def arriving(light: Lighting, skin: Skin) -> Float[Tensor, "n 2 3"]:
     """Mean light, weighted by the cosine, that arrives in front of and behind each surface; where
     the subject hides its surroundings, half of their mean."""
-    sent = look_up(light.plain, mirror_of(light, skin.points[:, None], rays.directions))
-    sent = torch.lerp(0.5 * sent.mean((0, 1)).expand_as(sent), sent, rays.open[..., None])
+    directions = ray_directions().to(skin.points)
+    sent = look_up(light.plain, mirror_of(light, skin.points[:, None], directions))
+    sent = torch.lerp(0.5 * sent.mean((0, 1)).expand_as(sent), sent, skin.open[..., None])
     sides = []
-    for side in (rays.cosine, -rays.cosine):
+    for side in (skin.cosines, -skin.cosines):
         weight = side.clamp_min(0)
         total = weight.sum(1, keepdim=True).clamp_min(1e-6)
         sides.append(torch.einsum("nd,ndc->nc", weight, sent) / total)
@@ -180,7 +175,7 @@ def outgoing(
     )
     cosine = (facing * views).sum(-1).clamp(GRAZING, 1)
     mirror = 2 * cosine[:, None] * facing - views
-    seen = open_share(light.grid, skin.points, skin.normals, mirror[:, None])
+    seen = skin.open_to(mirror)
     head_on = torch.lerp(
         torch.full_like(surface.color, material.specular),
         surface.color,

@@ -1,6 +1,9 @@
 """How far pictures of different views agree on color, beside the unedited scene's own renders.
 
-Pictures are in [0, 1] and belong to views by their index.
+Two ways: the warp error compares a view with another one warped into it by the unedited scene's
+depth; the difference at points compares colors where a matcher found the same points, and does not
+ask for that depth. Pictures are in [0, 1] and belong to views by their index; positions are in
+pixels, with pixel centers at +0.5.
 """
 
 from __future__ import annotations
@@ -8,12 +11,14 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from math import cos, radians
+from typing import Any, Literal
 
 import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
+from torch.nn.functional import grid_sample
 
 from gsedit.consistency.warp import warp
 from gsedit.datasets.dataset import evenly_spaced
@@ -36,22 +41,35 @@ Pictures = Mapping[int, Float[Tensor, "h w 3"]]
 """By the index of the view."""
 
 
-@dataclass(frozen=True)
-class WarpComparison:
-    """Warp error of one set of pictures: the RMSE of color (mean over channels) between a view and
-    another one warped into it by the unedited scene's depth, over all pixels that both see."""
+Positions = Float[Tensor, "m 2"]
+Matches = Mapping[tuple[int, int], tuple[Positions, Positions]]
+"""Positions of the same points in both views of a pair."""
+Matcher = Callable[[Pictures, Mapping[int, Camera], Pairs], Matches]
+MATCHED_PIXELS = 512
+"""Longer side, at least, of the pictures that are matched: the bear's views eight photos apart have
+58 matches at 256 pixels, 217 at 512."""
+MATCHED_VIEWS = 12
+"""Most views of a kind that are matched."""
+MOST_DEGREES = 60.0
+"""Angle between cameras beyond which SIFT matches next to nothing."""
+CHANGED = 0.02
+"""RMSE over channels from which the edit changed a point's color in one of two views: five levels
+of 255, under which a picture looks unedited. Other points agree as before, and would hide the
+rest."""
+FEWEST_POINTS = 50
+"""Fewest changed points of which an error is told."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PairComparison:
+    """The RMSE of color (mean over channels) between views, before an edit and after it."""
 
     pictures: PicturesOf
-    range: Range
-    """short: a view and the camera nearest to it. long: for targets every other pair that shares
-    1 % of the pixels; for renders a held-out view and the nearest other one, which in a capture
-    taken in order is eight pictures away."""
     pairs: int
-    compared: float
-    """Mean share of a view's pixels that were compared."""
+    """Pairs of views that were compared."""
     unedited: float
-    """Warp error of renders of the unedited scene, on the same pixels: shading, resampling and what
-    its depth gets wrong."""
+    """Error of renders of the unedited scene, at the same pixels: shading, resampling and what its
+    depth gets wrong."""
     edited: float
     interval: Interval | None = None
     """The interval of the excess over views."""
@@ -61,6 +79,59 @@ class WarpComparison:
         """Error that the edit added, in quadrature; below 0 where the edited pictures agree
         better."""
         return added(self.edited, self.unedited)
+
+    def _row(self, against: str) -> dict[str, Any]:
+        return {
+            "unedited": self.unedited,
+            "edited": self.edited,
+            "excess": self.excess,
+            "excess_interval": self.interval,
+            "pairs": self.pairs,
+            "against": against,
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
+class WarpComparison(PairComparison):
+    """Warp error of one set of pictures: the error between a view and another one warped into it by
+    the unedited scene's depth, over all pixels that both see."""
+
+    range: Range
+    """short: a view and the camera nearest to it. long: for targets every other pair that shares
+    1 % of the pixels; for renders a held-out view and the nearest other one, which in a capture
+    taken in order is eight pictures away."""
+    compared: float
+    """Mean share of a view's pixels that were compared."""
+
+    @property
+    def name(self) -> str:
+        """Name of the row in records."""
+        return f"warp_{self.pictures}_{self.range}"
+
+    def record(self) -> dict[str, Any]:
+        """The row as JSON has it."""
+        by = "a warp by the unedited scene's depth, which the method uses too"
+        return {**self._row(by), "compared": self.compared}
+
+
+@dataclass(frozen=True, kw_only=True)
+class PointComparison(PairComparison):
+    """Error between views at matched points that the edit changed."""
+
+    points: int
+    """Matched points that the edit changed, those of every pair of views."""
+    matched: int
+    """Points that were matched, changed or not."""
+
+    @property
+    def name(self) -> str:
+        """Name of the row in records."""
+        return f"points_{self.pictures}"
+
+    def record(self) -> dict[str, Any]:
+        """The row as JSON has it."""
+        by = "SIFT matches of the unedited renders"
+        return {**self._row(by), "points": self.points, "matched": self.matched}
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,8 +224,54 @@ def compare_pairs(
     unedited, edited = (torch.stack(squares).sum(0) / sum(shares)).sqrt().tolist()
     sums = [(*square.tolist(), share) for square, share in zip(squares, shares)]
     return WarpComparison(
-        pictures, range_, len(shares), sum(shares) / len(shares), unedited, edited,
-        excess_interval(sums, members),
+        pictures=pictures, range=range_, pairs=len(shares), compared=sum(shares) / len(shares),
+        unedited=unedited, edited=edited, interval=excess_interval(sums, members),
+    )  # fmt: skip
+
+
+def matchable(views: Sequence[int], cameras: Sequence[Camera]) -> Pairs:
+    """Every two of at most MATCHED_VIEWS of the views whose cameras look in similar directions."""
+    least = cos(radians(MOST_DEGREES))
+    pairs = itertools.combinations(sorted(spread(views, MATCHED_VIEWS)), 2)
+    return [(a, b) for a, b in pairs if float(cameras[a].forward @ cameras[b].forward) > least]
+
+
+def compare_points(
+    matches: Matches,
+    unedited: Pictures,
+    edited: Pictures,
+    sizes: Mapping[int, tuple[int, int]],
+    pictures: PicturesOf,
+    least_change: float = CHANGED,
+) -> PointComparison | str:
+    """Both errors at the same points, or the reason why they are too few.
+
+    Positions are those of pictures of the `sizes` (width, height).
+    """
+    sums, views, matched = [], [], 0
+    for pair, positions in matches.items():
+        before, after = (
+            [_at(images[i], xy, sizes[i]) for i, xy in zip(pair, positions)]
+            for images in (unedited, edited)
+        )
+        moved = torch.stack([(b - a).square().mean(1) for a, b in zip(before, after)])
+        kept = moved.amax(0) >= least_change**2
+        matched += len(kept)
+        if kept.any():
+            errors = [(a - b).square().mean(1)[kept].sum().item() for a, b in (before, after)]
+            sums.append((*errors, float(kept.sum())))
+            views.append(pair)
+    points = int(sum(each[-1] for each in sums))
+    if points < FEWEST_POINTS:
+        return (
+            f"{matched} points were matched between views, {points} of them where the edit changed "
+            f"a color: {FEWEST_POINTS} are needed; measure at views that are nearer to each other"
+        )
+    total = np.sum(sums, 0)
+    before, after = np.sqrt(total[:2] / total[2]).tolist()
+    return PointComparison(
+        pictures=pictures, points=points, matched=matched, pairs=len(views), unedited=before,
+        edited=after, interval=excess_interval(sums, views),
     )  # fmt: skip
 
 
@@ -193,3 +310,14 @@ def _displacement(a: Camera, b: Camera, depth: float) -> float:
     )
     turned = torch.acos((axis_a @ axis_b).clamp(-1, 1))
     return float((center_a - center_b).norm() / depth + turned)
+
+
+def _at(
+    image: Float[Tensor, "h w 3"], xy: Positions, size: tuple[int, int]
+) -> Float[Tensor, "m 3"]:
+    """Colors at positions in a picture of that (width, height), between pixels linearly."""
+    grid = (2 * xy / torch.tensor(size) - 1).to(image)[None, :, None]
+    colors = grid_sample(
+        image.permute(2, 0, 1)[None], grid, padding_mode="border", align_corners=False
+    )
+    return colors[0, :, :, 0].T.double()

@@ -6,201 +6,166 @@ A metric that cannot be measured has no value, and a reason with the next move i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import cache
 from math import sqrt
 from typing import Any
 
 import torch
-from jaxtyping import Float
-from torch import Tensor
 
 from gsedit.datasets.dataset import evenly_spaced
 from gsedit.measures.agreement import (
     COMPARED_VIEWS,
+    MATCHED_PIXELS,
     Pairs,
     PicturesOf,
+    PointComparison,
     UneditedViews,
     WarpComparison,
+    compare_points,
     compare_renders,
     compare_targets,
+    matchable,
     spread,
 )
-from gsedit.measures.evaluation_input import Evaluation, EvaluationInput, Mean, ViewMeasures
-from gsedit.measures.interval import mean_interval
-from gsedit.measures.metrics import (
-    INSIDE,
-    Fidelity,
-    SquaredError,
-    fidelity,
-    rmse,
-    squared_error,
+from gsedit.measures.evaluation_input import (
+    MEASURED_ROLES,
+    Evaluation,
+    EvaluationInput,
+    Group,
+    Mean,
+    ViewMeasures,
 )
-from gsedit.measures.missing import MEASURED_ROLES, find_missing
-from gsedit.measures.names import GROUND_TRUTH, METRICS
-from gsedit.measures.outside import outside_means, pixels_outside
-from gsedit.measures.points import (
-    MATCHED_PIXELS,
-    PointComparison,
-    compare_points,
-    matchable,
+from gsedit.measures.interval import interval, mean_interval
+from gsedit.measures.metrics import SquaredError, perceptual, pooled_rmse, squared_error
+from gsedit.measures.table import (
+    METRICS,
+    NO_UNEDITED,
+    PAIRS,
+    MeasuredView,
+    Metric,
+    why_missing,
+    why_missing_at,
 )
-from gsedit.measures.references import measured_against
 from gsedit.scene.picture import render_picture
 from rasterizer.camera import Camera
 from rasterizer.render import Rendering, render
-from rasterizer.scene import Gaussians
 
 Progress = Callable[[int, int], None]
 """(views measured, views to measure)."""
+Shown = Mapping[str, float | SquaredError]
+"""By the name of a metric: the value at one view, or its part in what is pooled over views."""
+NO_MATCHER = "points are matched by gsedit metrics, not during an edit: run it on the folder"
 
 
-@dataclass(frozen=True, eq=False)
-class _Measured:
-    """The values of a view, and its part in what is pooled over views."""
-
-    values: dict[str, float]
-    outside: SquaredError | None
-
-
-def evaluate(subject: EvaluationInput, progress: Progress = lambda done, total: None) -> Evaluation:
-    """Measure a scene at the edited and held-out views of its list, a view at a time."""
-    views = subject.views
-    chosen = [i for i, role in enumerate(views.roles) if role in MEASURED_ROLES]
-    perceptual = _perceptual_views(subject)
-    of_views: dict[int, _Measured] = {}
-    for done, i in enumerate(chosen, 1):
-        of_views[i] = _measure_view(subject, i, perceptual)
-        progress(done, len(chosen))
-    warp, points = _warp(subject), _points(subject)
-    measured: dict[str, dict[Any, Mean]] = {name: {} for name in (*METRICS, *GROUND_TRUTH)}
-    for role in MEASURED_ROLES:
-        for name, value in _means([of_views[i] for i in views.having(role)]).items():
-            against = measured_against(name, role, subject)
-            measured[name][role] = replace(value, against=against)
-    for name, value in _outside_masks(subject).items():
-        measured[name]["all"] = value
-    measured = {name: by_role for name, by_role in measured.items() if by_role}
-    compared = tuple(each for each in points.values() if isinstance(each, PointComparison))
-    return Evaluation(
-        measured,
-        warp,
-        find_missing(subject, measured, warp, points),
-        tuple(
-            ViewMeasures(views.viewpoints[i].name, views.roles[i], of_views[i].values)
-            for i in chosen
-        ),
-        compared,
-    )
-
-
-@torch.no_grad()
-def _measure_view(
-    subject: EvaluationInput, i: int, perceptual: Collection[tuple[str, int]]
-) -> _Measured:
-    """The metrics of view i; `perceptual` are the comparisons that have a perceptual distance."""
-    final = _final(subject, i)
-    values: dict[str, float] = {}
-    mask = subject.masks.get(i)
-
-    def compare(expected: Tensor, to: str, mask: Tensor | None = None) -> None:
-        nearness = fidelity(final, expected, mask, with_perceptual=(to, i) in perceptual)
-        values.update(_named(nearness, to))
-
-    if i in subject.targets and (mask is None or mask.any()):
-        compare(subject.targets[i], "targets", mask)
-    if i in subject.edits_alone:
-        compare(subject.edits_alone[i], "edits_alone")
-    if i in subject.ground_truth:
-        compare(subject.ground_truth[i], "ground_truth")
-    outside = None
-    if subject.unedited is not None:
-        unedited = _unedited(subject, subject.unedited, i)
-        compare(unedited, "unedited")
-        values["rmse_to_unedited"] = rmse(final, unedited)
-        outside = _outside_region(subject, subject.unedited, i, unedited, final)
-        if outside is not None:
-            values["rmse_outside_region"] = sqrt(outside.total / outside.values)
-    return _Measured(values, outside)
-
-
-def _outside_region(
+def evaluate(
     subject: EvaluationInput,
-    scene: Gaussians,
-    i: int,
-    unedited: Float[Tensor, "h w 3"],
-    final: Float[Tensor, "h w 3"],
-) -> SquaredError | None:
-    """The change of view i outside the region; None where nothing is outside."""
-    if subject.region is None or subject.region.is_all:
-        return None
-    parts = [(subject.region, scene)]
-    if subject.edited_region is not None:
-        parts.append((subject.edited_region, subject.scene))
-    where = pixels_outside(parts, subject.views.viewpoints[i].camera, subject.execution)
-    return squared_error(unedited, final, where) if where.any() else None
+    progress: Progress = lambda done, total: None,
+    only: Iterable[str] = (),
+) -> Evaluation:
+    """Measure a scene at the edited and held-out views of its list, a view at a time.
+
+    `only`: names of METRICS; these alone are measured, and no reasons are given for others.
+    """
+    rows = [METRICS[name] for name in only] or [*METRICS.values()]
+    at = {row.name: _views_of(row, subject) for row in rows}
+    chosen = sorted({i for views in at.values() for i in views})
+    shown: dict[int, Shown] = {}
+    for done, i in enumerate(chosen, 1):
+        shown[i] = _measure(MeasuredView(subject, i), [row for row in rows if i in at[row.name]])
+        progress(done, len(chosen))
+    measured = {row.name: means for row in rows if (means := _means(row, subject, shown))}
+    views = subject.views
+    by_view = tuple(
+        ViewMeasures(views.viewpoints[i].name, role, _values(shown.get(i, {})))
+        for i, role in enumerate(views.roles)
+        if role in MEASURED_ROLES
+    )
+    if only:
+        return Evaluation(measured, (), {}, by_view)
+    warp, points = _warp(subject), _points(subject)
+    compared = tuple(each for each in points.values() if isinstance(each, PointComparison))
+    missing = {**_missing(subject, measured), **_missing_pairs(subject, warp, points)}
+    return Evaluation(measured, warp, missing, by_view, compared)
 
 
-def _perceptual_views(subject: EvaluationInput) -> set[tuple[str, int]]:
-    """The comparisons, by name and view, that have a perceptual distance."""
-    every = range(len(subject.views))
-    known = {
-        "targets": subject.targets, "edits_alone": subject.edits_alone,
-        "ground_truth": subject.ground_truth, "unedited": every,
-    }  # fmt: skip
-    chosen: set[tuple[str, int]] = set()
-    for role in MEASURED_ROLES:
-        for to, indices in known.items():
-            views = [i for i in subject.views.having(role) if i in indices]
-            most = subject.max_perceptual_views or len(views)
-            chosen |= {(to, views[k]) for k in evenly_spaced(len(views), most)}
+def _groups(row: Metric) -> tuple[Group, ...]:
+    """Roles whose views have means of their own."""
+    return row.needs.roles if "all" in row.needs.roles else MEASURED_ROLES
+
+
+def _having(group: Group, subject: EvaluationInput) -> Sequence[int]:
+    return range(len(subject.views)) if group == "all" else subject.views.having(group)
+
+
+def _views_of(row: Metric, subject: EvaluationInput) -> set[int]:
+    """The views at which a metric is measured: a perceptual distance at few, evenly spaced."""
+    chosen: set[int] = set()
+    known = row.needs.views(subject)
+    for group in _groups(row):
+        views = [i for i in _having(group, subject) if i in known]
+        most = subject.max_perceptual_views if row.function is perceptual else None
+        chosen |= {views[k] for k in evenly_spaced(len(views), most or len(views))}
     return chosen
 
 
-def _named(measures: Fidelity, to: str) -> dict[str, float]:
-    return {f"{key}_to_{to}": value for key, value in asdict(measures).items() if value is not None}
+@torch.no_grad()
+def _measure(view: MeasuredView, rows: Collection[Metric]) -> Shown:
+    """Measure a scene at one view by each of the rows that has something to compare with."""
+    expected = {needs: needs.at(view) for needs in {row.needs for row in rows}}
+    found: dict[str, float | SquaredError] = {}
+    for row in rows:
+        picture, mask = expected[row.needs]
+        if mask is not None and not mask.any():
+            continue
+        if row.needs.pooled:
+            found[row.name] = squared_error(view.final, picture, mask)
+        elif (value := row.function(view.final, picture, mask)) is not None:
+            found[row.name] = value
+    return found
 
 
-def _means(of_views: Sequence[_Measured]) -> dict[str, Mean]:
-    """Means over the views that have a value; errors outside the region are pooled over pixels."""
-    names = dict.fromkeys(name for view in of_views for name in view.values)
-    means = {
-        name: _mean([view.values[name] for view in of_views if name in view.values])
-        for name in names
+def _values(shown: Shown) -> dict[str, float]:
+    """The values of one view."""
+    return {
+        name: _of_rmse(METRICS[name], sqrt(each.total / each.values))
+        if isinstance(each, SquaredError)
+        else each
+        for name, each in shown.items()
     }
-    outside = [view.outside for view in of_views if view.outside is not None]
-    return means | outside_means(outside, "region", "")
 
 
-def _mean(values: Sequence[float]) -> Mean:
+def _of_rmse(row: Metric, error: float) -> float:
+    """A metric of a pooled standard."""
+    value = row.function(error)
+    assert value is not None  # only what needs weights or size may be missing
+    return value
+
+
+def _means(row: Metric, subject: EvaluationInput, shown: Mapping[int, Shown]) -> dict[Group, Mean]:
+    """Means of a metric over the views of each role that have a value."""
+    found: dict[Group, Mean] = {}
+    for group in _groups(row):
+        views = (i for i in _having(group, subject) if row.name in shown.get(i, {}))
+        if values := [shown[i][row.name] for i in views]:
+            mean = _pooled(row, values) if row.needs.pooled else _mean(values)
+            found[group] = replace(mean, against=row.needs.against(subject, group))
+    return found
+
+
+def _mean(values: Sequence[Any]) -> Mean:
     return Mean(sum(values) / len(values), len(values), mean_interval(values))
 
 
-@torch.no_grad()
-def _outside_masks(subject: EvaluationInput) -> dict[str, Mean]:
-    """Errors outside the given masks, over views of any role."""
-    if subject.unedited is None:
-        return {}
-    errors = [
-        squared_error(_unedited(subject, subject.unedited, i), _final(subject, i), mask < INSIDE)
-        for i, mask in subject.subject_masks.items()
-    ]
-    return outside_means([each for each in errors if each.values], "masks", "masks that were given")
-
-
-def _final(subject: EvaluationInput, i: int) -> Float[Tensor, "h w 3"]:
-    """The picture of the measured scene at view i, rendered unless it is there."""
-    if i in subject.finals:
-        return subject.finals[i]
-    return render_picture(subject.scene, subject.views.viewpoints[i].camera, subject.execution)
-
-
-def _unedited(subject: EvaluationInput, scene: Gaussians, i: int) -> Float[Tensor, "h w 3"]:
-    """The picture of the unedited scene at view i, rendered unless it is there."""
-    if i in subject.renderings:
-        return subject.renderings[i].color.clamp(0, 1)
-    return render_picture(scene, subject.views.viewpoints[i].camera, subject.execution)
+def _pooled(row: Metric, errors: Sequence[Any]) -> Mean:
+    """The metric of the RMSE over all pixels, from an error each view."""
+    views = range(len(errors))
+    error = pooled_rmse(errors)
+    within = interval(errors, [(i,) for i in views], lambda sums: (sums[0] / sums[1]) ** 0.5)
+    assert error is not None  # no view without a pixel outside is here
+    low, high = sorted(_of_rmse(row, end) for end in within or (error, error))
+    return Mean(_of_rmse(row, error), len(errors), (low, high) if within else None)
 
 
 def _warp(subject: EvaluationInput) -> tuple[WarpComparison, ...]:
@@ -220,13 +185,13 @@ def _warp(subject: EvaluationInput) -> tuple[WarpComparison, ...]:
     views = UneditedViews(cameras, rendering)
     held_out = subject.views.having("held_out")
     edited = {i: subject.targets[i] for i in subject.views.having("edited") if i in subject.targets}
-    compared = spread(held_out, COMPARED_VIEWS)
     return (
         *compare_targets(views, edited),
         *compare_renders(
-            views, compared, held_out, lambda indices: {i: _final(subject, i) for i in indices}
+            views, spread(held_out, COMPARED_VIEWS), held_out,
+            lambda indices: {i: MeasuredView(subject, i).final for i in indices},
         ),
-    )
+    )  # fmt: skip
 
 
 @torch.no_grad()
@@ -243,12 +208,12 @@ def _points(subject: EvaluationInput) -> dict[PicturesOf, PointComparison | str]
         "renders": matchable(views.having("held_out"), cameras),
     }
     every = sorted({pair for each in pairs.values() for pair in each})
-    chosen = sorted({i for pair in every for i in pair})
+    chosen = {i: MeasuredView(subject, i) for i in sorted({i for pair in every for i in pair})}
     large = {i: _at_least(cameras[i], MATCHED_PIXELS) for i in chosen}
     pictures = {i: render_picture(scene, large[i], subject.execution) for i in chosen}
     matches = subject.matcher(pictures, large, every) if every else {}
-    before = {i: _unedited(subject, scene, i) for i in chosen}
-    after = {"targets": subject.targets, "renders": {i: _final(subject, i) for i in chosen}}
+    before = {i: view.unedited for i, view in chosen.items()}
+    after = {"targets": subject.targets, "renders": {i: view.final for i, view in chosen.items()}}
     sizes = {i: (camera.width, camera.height) for i, camera in large.items()}
     return {
         kind: compare_points(
@@ -264,3 +229,63 @@ def _at_least(camera: Camera, size: int) -> Camera:
     """The camera with `size` pixels on its longer side, if it has fewer."""
     scale = max(1.0, size / max(camera.width, camera.height))
     return camera.resized(round(camera.width * scale), round(camera.height * scale))
+
+
+def _missing(
+    subject: EvaluationInput, measured: Mapping[str, Mapping[Group, Mean]]
+) -> dict[str, str]:
+    """Reasons by the name of the metric, or of the metric and the role that has no value."""
+    found: dict[str, str] = {}
+    for row in METRICS.values():
+        if row.name not in measured:
+            found[row.name] = why_missing(row, subject)
+            continue
+        for role in row.needs.roles:
+            if role != "all" and role not in measured[row.name]:
+                found[f"{row.name} at {role} views"] = why_missing_at(role, subject)
+    return {name: reason for name, reason in found.items() if reason}
+
+
+def _missing_pairs(
+    subject: EvaluationInput,
+    warp: Sequence[WarpComparison],
+    points: Mapping[PicturesOf, PointComparison | str],
+) -> dict[str, str]:
+    """Reasons why pairs of views were not compared, by the name of the row."""
+    rows = {row.name for row in warp}
+    found = {}
+    for name in PAIRS:
+        kind, pictures, *range_ = name.split("_")
+        point = points.get("targets" if pictures == "targets" else "renders")
+        if name in rows or (isinstance(point, PointComparison) and kind == "points"):
+            continue
+        if subject.unedited is None:
+            found[name] = NO_UNEDITED
+        elif pictures == "targets" and not subject.targets:
+            found[name] = subject.no_targets
+        elif kind == "points":
+            found[name] = point or _why_no_points(pictures, subject)
+        else:
+            found[name] = _why_no_warp(pictures, range_ == ["long"], subject)
+    return found
+
+
+def _why_no_warp(pictures: str, long: bool, subject: EvaluationInput) -> str:
+    held_out = len(subject.views.having("held_out"))
+    if pictures == "targets":
+        if sum(i in subject.targets for i in subject.views.having("edited")) < 2:
+            return "two edited views with a picture are needed: add pictures of edited views"
+    elif held_out < 1 + long:
+        return (
+            "two held-out views are needed: add some to the list"
+            if long
+            else "a held-out view is needed: add one to the list"
+        )
+    return "no two views share 1 % of their pixels: add views that see each other"
+
+
+def _why_no_points(pictures: str, subject: EvaluationInput) -> str:
+    if subject.matcher is None:
+        return NO_MATCHER
+    which = "edited views with a picture" if pictures == "targets" else "held-out views"
+    return f"two {which} that look in similar directions are needed: add views to the list"

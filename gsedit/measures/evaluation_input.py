@@ -10,10 +10,8 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from gsedit.datasets.view_list_files import Role, ViewList
-from gsedit.measures.agreement import Pictures, WarpComparison
+from gsedit.measures.agreement import Matcher, Pictures, PointComparison, WarpComparison
 from gsedit.measures.interval import Interval
-from gsedit.measures.names import POINTS, WARP
-from gsedit.measures.points import Matcher, PointComparison
 from gsedit.select.region import Region
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.render import Rendering
@@ -23,6 +21,9 @@ NO_TARGETS = "there are no edited pictures: add --against with a folder of them,
 
 GIVEN = ("pictures that were given", "pictures that were given")
 REGION_IS = "the edit's own region"
+MEASURED_ROLES: tuple[Literal["edited", "held_out"], ...] = ("edited", "held_out")
+Group = Role | Literal["all"]
+"""Views whose values have one mean: those of a role, or all that have a given mask."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +65,8 @@ class EvaluationInput:
     """Renders of `scene` in [0, 1] that exist already, by the index of the view."""
     renderings: Mapping[int, Rendering] = field(default_factory=dict)
     """Renders of `unedited` that exist already, with median depth, by the index of the view."""
+    originals: Pictures = field(default_factory=dict)
+    """Pictures of `unedited` in [0, 1] that exist already, where `renderings` has none."""
 
 
 @dataclass(frozen=True)
@@ -79,9 +82,8 @@ class Mean:
     """The pictures, region or masks that it was measured by."""
 
 
-Means = Mapping[str, Mapping[Role | Literal["all"], Mean]]
-"""By the name of the metric (gsedit.measures.names) and the role of the views; all: views of any
-role that have a given mask."""
+Means = Mapping[str, Mapping[Group, Mean]]
+"""By the name of the metric (gsedit.measures.table) and the role of the views."""
 
 
 @dataclass(frozen=True)
@@ -120,29 +122,5 @@ class Evaluation:
     def record(self) -> dict[str, Any]:
         """All values as JSON has them: means by role, and a row for each kind of warp error and of
         difference at points."""
-        rows: dict[str, Any] = {
-            WARP[row.pictures, row.range]: {**_row(row, BY_WARP), "compared": row.compared}
-            for row in self.warp
-        }
-        rows |= {
-            POINTS[row.pictures]: {
-                **_row(row, BY_POINTS), "points": row.points, "matched": row.matched
-            }
-            for row in self.points
-        }  # fmt: skip
+        rows = {row.name: row.record() for row in (*self.warp, *self.points)}
         return {**self.measured, **rows}
-
-
-BY_WARP = "a warp by the unedited scene's depth, which the method uses too"
-BY_POINTS = "SIFT matches of the unedited renders"
-
-
-def _row(row: WarpComparison | PointComparison, against: str) -> dict[str, Any]:
-    return {
-        "unedited": row.unedited,
-        "edited": row.edited,
-        "excess": row.excess,
-        "excess_interval": row.interval,
-        "pairs": row.pairs,
-        "against": against,
-    }

@@ -7,20 +7,14 @@ from collections.abc import Mapping
 from typing import Any
 
 from gsedit.measures.against import Reference
-from gsedit.measures.agreement import PicturesOf, WarpComparison
-from gsedit.measures.evaluation_input import Evaluation, Mean
-from gsedit.measures.missing import MEASURED_ROLES
-from gsedit.measures.names import COST, METRICS, POINTS, WARP
-from gsedit.measures.points import PointComparison
+from gsedit.measures.agreement import PointComparison, WarpComparison
+from gsedit.measures.evaluation_input import MEASURED_ROLES, Evaluation, Mean
+from gsedit.measures.table import COST, METRICS, label_of
 from gsedit.runs.environment import environment
 
 COLUMNS = 80
 LABEL, NUMBER = 40, 15
 """Columns of a metric's name, and of a number."""
-COST_LABELS = {
-    "seconds": "wall clock of the edit, s",
-    "evaluations": "network evaluations of the edit",
-}
 
 
 def evaluation_record(
@@ -53,7 +47,7 @@ def evaluation_table(evaluation: Evaluation, against: Reference) -> str:
     lines = [_line("metric", *heads, "better")]
     for name, metric in METRICS.items():
         if by_role := evaluation.measured.get(name):
-            label = metric.label.format(targets=targets)
+            label = label_of(name, targets)
             if "all" in by_role:
                 cells = [_cell(by_role["all"], metric.decimals), f"{by_role['all'].views} views"]
             else:
@@ -61,12 +55,12 @@ def evaluation_table(evaluation: Evaluation, against: Reference) -> str:
             lines.append(_line(label, *cells, "" if metric.better == "neither" else metric.better))
     if evaluation.warp:
         lines += ["", _line("warp error (RMSE)", "unedited", "edited", "excess")]
-        lines += [_warp_line(row, targets) for row in evaluation.warp]
+        lines += [_pair_line(row, targets) for row in evaluation.warp]
     if evaluation.points:
         lines += ["", _line("difference at SIFT matches (RMSE)", "unedited", "edited", "excess")]
-        lines += [_point_line(row, targets) for row in evaluation.points]
+        lines += [_pair_line(row, targets) for row in evaluation.points]
     if cost:
-        lines += ["", *(f"{COST_LABELS[name]:<{LABEL}}{cost[name]:>{NUMBER}.0f}" for name in cost)]
+        lines += ["", *(f"{COST[name]:<{LABEL}}{cost[name]:>{NUMBER}.0f}" for name in cost)]
     lines += _notes(evaluation, targets)
     missing = {**evaluation.not_measured, **missing_cost(against)}
     return "\n".join([*lines, *_missing(missing, targets)])
@@ -83,17 +77,12 @@ def _cell(mean: Mean | None, decimals: int) -> str:
     return "-" if mean is None else f"{mean.value:.{decimals}f}"
 
 
-def _point_line(row: PointComparison, targets: str) -> str:
-    label = f"{_kind(row.pictures, targets)} ({row.points} points)"
-    return _line(label, *(f"{value:.4f}" for value in (row.unedited, row.edited, row.excess)))
-
-
-def _kind(pictures: PicturesOf, targets: str) -> str:
-    return targets if pictures == "targets" else "renders, held out"
-
-
-def _warp_line(row: WarpComparison, targets: str) -> str:
-    label = f"{_kind(row.pictures, targets)}, {row.range} range ({row.pairs} pairs)"
+def _pair_line(row: WarpComparison | PointComparison, targets: str) -> str:
+    kind = targets if row.pictures == "targets" else "renders, held out"
+    if isinstance(row, WarpComparison):
+        label = f"{kind}, {row.range} range ({row.pairs} pairs)"
+    else:
+        label = f"{kind} ({row.points} points)"
     return _line(label, *(f"{value:.4f}" for value in (row.unedited, row.edited, row.excess)))
 
 
@@ -104,7 +93,7 @@ def _notes(evaluation: Evaluation, targets: str) -> list[str]:
         for role, mean in by_role.items():
             if role != "all" and mean.views < (of := evaluation.number(role)):
                 note = f"over {mean.views} of {of} {role.replace('_', '-')} views"
-                fewer.setdefault(note, []).append(METRICS[name].label.format(targets=targets))
+                fewer.setdefault(note, []).append(label_of(name, targets))
     return _folded({f"{note}:": "; ".join(labels) for note, labels in fewer.items()})
 
 
@@ -112,30 +101,10 @@ def _missing(reasons: Mapping[str, str], targets: str) -> list[str]:
     """The metrics without a value, together where the reason is the same."""
     together: dict[str, list[str]] = {}
     for name, reason in reasons.items():
-        together.setdefault(reason, []).append(_label(name, targets))
+        together.setdefault(reason, []).append(label_of(name, targets))
     if not together:
         return []
     return ["", "not measured:", *_folded({"; ".join(v) + ":": k for k, v in together.items()})[1:]]
-
-
-def _label(name: str, targets: str) -> str:
-    """Label of a metric, or of a metric at the views of one role."""
-    key, _, role = name.partition(" at ")
-    label = (
-        METRICS[key].label.format(targets=targets) if key in METRICS else _other_label(key, targets)
-    )
-    return f"{label} at {role.replace('_', '-')}" if role else label
-
-
-def _other_label(name: str, targets: str) -> str:
-    if name in COST_LABELS:
-        return COST_LABELS[name]
-    for kind, each in POINTS.items():
-        if each == name:
-            return f"difference at SIFT matches of {targets if kind == 'targets' else kind}"
-    pictures, range_ = next(key for key, each in WARP.items() if each == name)
-    kind = targets if pictures == "targets" else pictures
-    return f"warp error of {kind}, {range_} range"
 
 
 def _folded(notes: Mapping[str, str]) -> list[str]:

@@ -6,7 +6,6 @@ colors, mean over pixels *and* channels."""
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from math import sqrt
 from typing import NamedTuple
 
@@ -77,15 +76,36 @@ def psnr(
     return psnr_from_rmse(rmse(image, target, mask))
 
 
-@torch.no_grad()
-def ssim(image: Float[Tensor, "*n h w 3"], target: Float[Tensor, "*n h w 3"]) -> float:
-    """Structural similarity, in [-1, 1], 1 when equal."""
-    return losses.ssim(image, target).item()
+def nearness(
+    image: Float[Tensor, "h w 3"],
+    expected: Float[Tensor, "h w 3"],
+    mask: Bool[Tensor, "h w"] | None = None,
+) -> float:
+    """PSNR, dB, inside the mask; NEAREST for equal pictures. UsageError for an empty mask."""
+    return min(psnr(image, expected, mask), NEAREST)
 
 
 @torch.no_grad()
-def perceptual(image: Float[Tensor, "*n h w 3"], target: Float[Tensor, "*n h w 3"]) -> float | None:
-    """Learned perceptual distance: 0 for equal pictures, about 1 for unrelated ones.
+def ssim(
+    image: Float[Tensor, "*n h w 3"],
+    target: Float[Tensor, "*n h w 3"],
+    mask: Bool[Tensor, "*n h w"] | None = None,
+) -> float:
+    """Structural similarity, in [-1, 1], 1 when equal; sides of 6 pixels or more.
+
+    Where the mask is False nothing is expected, and windows take the picture for both.
+    """
+    return losses.ssim(image, _inside(mask, target, image)).item()
+
+
+@torch.no_grad()
+def perceptual(
+    image: Float[Tensor, "*n h w 3"],
+    target: Float[Tensor, "*n h w 3"],
+    mask: Bool[Tensor, "*n h w"] | None = None,
+) -> float | None:
+    """Learned perceptual distance: 0 for equal pictures, about 1 for unrelated ones; where the mask
+    is False the picture is taken for both.
 
     None without the package of its weights (`gsedit[perceptual]`), and for pictures of fewer than
     32 pixels a side.
@@ -93,34 +113,9 @@ def perceptual(image: Float[Tensor, "*n h w 3"], target: Float[Tensor, "*n h w 3
     distance = perceptual_distance()
     if distance is None or min(image.shape[-3:-1]) < SMALLEST:
         return None
-    return distance(image, target).item()
+    return distance(image, _inside(mask, target, image)).item()
 
 
-@dataclass(frozen=True)
-class Fidelity:
-    """How near pictures are to those that were expected: means over the pictures."""
-
-    psnr: float
-    """dB, higher is nearer; NEAREST for equal pictures."""
-    ssim: float
-    perceptual: float | None
-    """None without its weights."""
-
-
-def fidelity(
-    image: Float[Tensor, "h w 3"],
-    expected: Float[Tensor, "h w 3"],
-    mask: Bool[Tensor, "h w"] | None = None,
-    *,
-    with_perceptual: bool = True,
-) -> Fidelity:
-    """How near one picture of 6 pixels or more a side is to the expected one.
-
-    Where the mask is False nothing is expected: the PSNR is that of the other pixels, and what has
-    windows takes the picture for both there. UsageError for a mask without True.
-    """
-    decibels = min(psnr(image, expected, mask), NEAREST)
-    if mask is not None:
-        expected = torch.where(mask[..., None], expected, image)
-    distance = perceptual(image, expected) if with_perceptual else None
-    return Fidelity(decibels, ssim(image, expected), distance)
+def _inside(mask: Tensor | None, target: Tensor, image: Tensor) -> Tensor:
+    """The target, with the picture itself where nothing is expected."""
+    return target if mask is None else torch.where(mask[..., None], target, image)

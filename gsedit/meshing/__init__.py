@@ -8,7 +8,6 @@ from rasterizer.lazy import make_lazy
 
 if TYPE_CHECKING:
     from gsedit.meshing.build import mesh
-    from gsedit.meshing.files import save_mesh
-    from gsedit.meshing.triangles import Mesh
+    from gsedit.meshing.triangles import Mesh, save_mesh
 
 make_lazy(__name__)

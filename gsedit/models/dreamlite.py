@@ -2,33 +2,32 @@
 
 The U-Net sees the noised latents beside those of the unedited picture, on one canvas twice as
 wide; what it predicts for the left half is the edit's. Both read the instruction beside the
-picture. `v` views, `b` views at once, `l d` text tokens and features.
+picture. `v` views of `h w` pixels, `b` views at once, `l d` text tokens (those of the picture among
+them) and features.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import torch
 import torch.nn.functional as F
 from jaxtyping import Float
+from PIL import Image
 from torch import Tensor
 
 from gsedit.diffusion.flow import FlowScheduler
 from gsedit.diffusion.guidance import Need
-from gsedit.diffusion.predictions import Latents, Prediction
+from gsedit.diffusion.predictions import Prediction
 from gsedit.diffusion.schedules import NoiseLevel
 from gsedit.diffusion.settings import SamplerDefaults, SamplerSettings
 from gsedit.editor_protocol import Capabilities
-from gsedit.models.autoencoder import decoded, encoded
-from gsedit.models.model import Model
-from gsedit.models.vision_language import Reader, load_reader
+from gsedit.formats.pictures import as_picture
+from gsedit.models.loading import Parts
+from gsedit.models.model import Model, tokens_over
 
-if TYPE_CHECKING:
-    from gsedit.models.parts import Parts
-
-READ_AT = (512, 512)  # height and width at which the text encoder sees every picture
+READ_AT = (512, 512)  # pixels at which the text encoder sees every picture
 LONGEST = 200  # tokens of an instruction, as diffusers cuts them where no picture is read
 INSTRUCTION = (
     "[Edit]: A diptych with two side-by-side images of the same scene. "
@@ -41,6 +40,70 @@ MOBILE_DEFAULTS = SamplerDefaults(
 )
 """t_end: three steps of four at every size up to 1024 pixels. A guess, since it was measured with
 an exact score alone (docs/measurements/sampler.md)."""
+SYSTEM = (
+    "Describe the key features of the input image (color, shape, size, texture, objects, "
+    "background), then explain how the user's text instruction should alter or modify the image. "
+    "Generate a new image that meets the user's requirements while maintaining consistency with "
+    "the original input where appropriate."
+)
+SYSTEM_TOKENS = 64
+"""Tokens before the user's words: the same in every request, and no part of the features."""
+PICTURE = "<|image_pad|>"
+
+
+@dataclass(frozen=True, eq=False)
+class Reader:
+    """Qwen's vision-language network, which reads an instruction beside the picture it is about.
+
+    A picture becomes the network's patches here and not in transformers' processors, which need
+    torchvision for the videos that nobody edits. The kinds of tokens are always given: without them
+    the network takes a picture's tokens for a line of text.
+    """
+
+    network: Any
+    tokenizer: Any
+    patches: Any
+    """Image processor of transformers: a picture to normalised patches, and their grid."""
+    most: int = LONGEST
+    """Tokens that an instruction may have."""
+
+    def excess(self, text: str) -> int:
+        """How many tokens of the instruction are too many."""
+        return tokens_over(self.tokenizer, text, self.most)
+
+    def features(
+        self, images: Float[Tensor, "v h w 3"], text: str, at_once: int
+    ) -> Float[Tensor, "v l d"]:
+        """Features of the text beside each picture, shown at READ_AT; float32."""
+        shown = [as_picture(image) for image in images]
+        pictures = [each.resize(READ_AT, Image.Resampling.LANCZOS) for each in shown]
+        parts = [pictures[i : i + at_once] for i in range(0, len(pictures), at_once)]
+        return torch.cat([self._features(part, text) for part in parts])
+
+    def _features(self, pictures: list[Image.Image], text: str) -> Float[Tensor, "b l d"]:
+        """Features of pictures of one size: as many tokens each, so that none need be filled up."""
+        seen = self.patches(images=pictures, return_tensors="pt")
+        ids = self._ids(int(seen.image_grid_thw[0].prod()), text).expand(len(pictures), -1)
+        pad = self.tokenizer.convert_tokens_to_ids(PICTURE)
+        output = self.network.model(  # without the head, which would guess the next words
+            input_ids=ids,
+            attention_mask=torch.ones_like(ids),
+            pixel_values=seen.pixel_values.to(self.network.dtype),
+            image_grid_thw=seen.image_grid_thw,
+            mm_token_type_ids=(ids == pad).int(),
+            use_cache=False,
+        )
+        return output.last_hidden_state[:, SYSTEM_TOKENS:].float()
+
+    def _ids(self, patches: int, text: str) -> Tensor:
+        """Token numbers of the request, with as many places as the picture has merged patches."""
+        places = PICTURE * (patches // self.patches.merge_size**2)
+        request = (
+            f"<|im_start|>system\n{SYSTEM}<|im_end|>\n<|im_start|>user\n"
+            f"<|vision_start|>{places}<|vision_end|>{text}<|im_end|>\n"
+            "<|im_start|>assistant\n"
+        )
+        return self.tokenizer(request, return_tensors="pt").input_ids
 
 
 class Condition(NamedTuple):
@@ -63,6 +126,7 @@ class DreamLite(Model):
     reader: Reader
     scheduler: FlowScheduler
     distilled: bool
+    of_each_view: ClassVar[tuple[str, ...]] = ("images", "text", "null")
     predicts: Prediction = "flow"
 
     @property
@@ -90,40 +154,19 @@ class DreamLite(Model):
     def excess(self, prompt: str) -> int:
         return self.reader.excess(prompt)
 
-    def encode(self, images: Float[Tensor, "v h w 3"]) -> Latents:
-        latents = encoded(self.run, self.vae, images, self.micro_batch)
-        return (latents - self._shift) * self.vae.config.scaling_factor
-
-    @torch.no_grad()
-    def decode_wholly(self, latents: Latents) -> Float[Tensor, "v h w 3"]:
-        latents = latents / self.vae.config.scaling_factor + self._shift
-        return decoded(self.run, self.vae, latents, self.micro_batch)
-
-    @property
-    def _shift(self) -> float:
-        return self.vae.config.shift_factor or 0.0
-
     @torch.no_grad()
     def condition(
         self, originals: Float[Tensor, "v h w 3"], prompt: str, generator: torch.Generator
     ) -> Condition:
         """Every view's text is read beside its own picture; `generator` is not used."""
-        images = encoded(self.run, self.vae, originals, self.micro_batch)
+        images = self.mode(originals)
         text = self._read(originals, INSTRUCTION.format(prompt))
         null = None if self.distilled else self._read(originals, "")
         height, width = originals.shape[1:3]
         return Condition(images, text, null, (width, height))
 
     def _read(self, originals: Float[Tensor, "v h w 3"], text: str) -> Float[Tensor, "v l d"]:
-        return self.reader.features(originals, text, READ_AT, self.micro_batch)
-
-    def of_views(self, condition: Condition, views: slice) -> Condition:
-        null = condition.null
-        return condition._replace(
-            images=condition.images[views],
-            text=condition.text[views],
-            null=None if null is None else null[views],
-        )
+        return self.reader.features(originals, text, self.micro_batch)
 
     def predict(
         self, x: Float[Tensor, "b c y x"], t: float, condition: Condition, need: Need
@@ -170,16 +213,19 @@ def _predicted(
 
 def load(parts: Parts, *, micro_batch: int) -> DreamLite:
     """The DreamLite or DreamLite-mobile of a folder. Raises InputError."""
-    from diffusers.models.autoencoders.autoencoder_tiny import AutoencoderTiny
-    from diffusers.models.unets.unet_dreamlite import DreamLiteUNetModel
-    from transformers import Qwen3VLForConditionalGeneration
+    from transformers import AutoTokenizer
+    from transformers.models.qwen2_vl.image_processing_pil_qwen2_vl import Qwen2VLImageProcessorPil
 
-    scheduler = FlowScheduler.read(parts.scheduler_config(), parts.folder / "scheduler")
-    distilled = parts.pipeline == "DreamLiteMobilePipeline"
+    scheduler = FlowScheduler.read(parts.settings("scheduler"), parts.folder / "scheduler")
+    distilled = parts.index["_class_name"] == "DreamLiteMobilePipeline"
     return DreamLite(
-        unet=parts.network("unet", DreamLiteUNetModel),
-        vae=parts.network("vae", AutoencoderTiny),
-        reader=load_reader(parts, Qwen3VLForConditionalGeneration, most=LONGEST),
+        unet=parts.network("unet"),
+        vae=parts.network("vae"),
+        reader=Reader(
+            parts.network("text_encoder"),
+            parts.tokenizer("tokenizer", AutoTokenizer),
+            parts.tokenizer("processor", Qwen2VLImageProcessorPil),
+        ),
         scheduler=scheduler,
         schedule=scheduler.schedule,
         distilled=distilled,

@@ -1,14 +1,13 @@
 """FLUX.2-klein (Black Forest Labs 2026): a transformer that reads the unedited picture as tokens.
 
-With KV, the picture's tokens attend to themselves alone, and their keys and values are computed
-once. `v` views, `b` views at once, `n` tokens of a picture, `d` numbers each; `l` text tokens of
-`e` numbers.
+`v` views, `b` views at once, `c y x` latents; a token holds 2 by 2 cells: `n` tokens of a picture,
+`d = 4 c` numbers each; `l` text tokens of `e` numbers.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import torch
 from jaxtyping import Float, Int
@@ -22,12 +21,8 @@ from gsedit.diffusion.schedules import NoiseLevel
 from gsedit.diffusion.settings import SamplerDefaults, SamplerSettings
 from gsedit.editor_protocol import Capabilities
 from gsedit.errors import UsageError
-from gsedit.models.autoencoder import decoded, encoded
-from gsedit.models.model import Model
-from gsedit.models.tokens import network_times, packed, tokens_over, unpacked, words
-
-if TYPE_CHECKING:
-    from gsedit.models.parts import Parts
+from gsedit.models.loading import Parts
+from gsedit.models.model import Model, TextNetwork, tokens_over, words
 
 LENGTH = 512
 """Tokens of an instruction, with those of the chat around it."""
@@ -44,8 +39,8 @@ GUIDED = SamplerDefaults(guidance_text=4.0, guidance_image=1.0, steps=50, solver
 class Condition(NamedTuple):
     """The transformer's input that no step changes."""
 
-    reference: Float[Tensor, "v ..."]
-    """Tokens of the unedited pictures, `n d`; with KV their keys and values in each layer."""
+    reference: Float[Tensor, "v n d"]
+    """Tokens of the unedited pictures."""
     text: Float[Tensor, "1 l e"]
     null: Float[Tensor, "1 l e"] | None
     """Features of the empty instruction; None for models without guidance."""
@@ -53,16 +48,15 @@ class Condition(NamedTuple):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Klein(Model):
-    """FLUX.2-klein, of any size, distilled or not, with or without KV."""
+    """FLUX.2-klein, of any size, distilled or not."""
 
     transformer: Any
-    text_encoder: Any
+    text_encoder: TextNetwork
     tokenizer: Any
     flow: FlowScheduler
     distilled: bool = True
     """Without guidance: the branch of the instruction is all there is."""
-    cached: bool = False
-    """KV: the transformer's attention has diffusers' processors for it."""
+    of_each_view: ClassVar[tuple[str, ...]] = ("reference",)
     predicts: Prediction = "flow"
 
     @property
@@ -86,7 +80,7 @@ class Klein(Model):
         return 128 * self.cell
 
     @property
-    def text_networks(self) -> tuple[Any, ...]:
+    def text_networks(self) -> tuple[TextNetwork, ...]:
         return (self.text_encoder,)
 
     def excess(self, prompt: str) -> int:
@@ -94,34 +88,25 @@ class Klein(Model):
 
     def encode(self, images: Float[Tensor, "v h w 3"]) -> Latents:
         """The posterior's mode, normalised by the statistics of each place in a token."""
-        tokens = pixel_unshuffle(encoded(self.run, self.vae, images, self.micro_batch), 2)
+        tokens = pixel_unshuffle(self.mode(images), 2)
         mean, deviation = self._statistics
         return pixel_shuffle((tokens - mean) / deviation, 2)
 
     @torch.no_grad()
-    def decode_wholly(self, latents: Latents) -> Float[Tensor, "v h w 3"]:
+    def decode(self, latents: Latents) -> Float[Tensor, "v h w 3"]:
         """The VAE's decoder, float32."""
         mean, deviation = self._statistics
         tokens = pixel_unshuffle(latents, 2) * deviation + mean
-        return decoded(self.run, self.vae, pixel_shuffle(tokens, 2), self.micro_batch)
+        return self.pictures(pixel_shuffle(tokens, 2))
 
     @torch.no_grad()
     def condition(
         self, originals: Float[Tensor, "v h w 3"], prompt: str, generator: torch.Generator
     ) -> Condition:
         """Nothing is drawn: `generator` is not used."""
-        latents = self.encode(originals)
-        reference = packed(latents).to(self.transformer.dtype)
-        if self.cached:
-            place = _places(REFERENCE, latents)
-            parts = reference.split(self.micro_batch)
-            caches = [self.run(_keys_and_values, self.transformer, part, place) for part in parts]
-            reference = torch.cat(caches)
+        reference = packed(self.encode(originals)).to(self.transformer.dtype)
         text, *null = self.read_once(self._embed, prompt, *([] if self.distilled else [""]))
         return Condition(reference, text, null[0] if null else None)
-
-    def of_views(self, condition: Condition, views: slice) -> Condition:
-        return condition._replace(reference=condition.reference[views])
 
     def predict(
         self, x: Float[Tensor, "b c y x"], t: float, condition: Condition, need: Need
@@ -140,20 +125,17 @@ class Klein(Model):
         x: Float[Tensor, "b c y x"],
         t: float,
         text: Float[Tensor, "1 l e"],
-        reference: Float[Tensor, "b ..."],
+        reference: Float[Tensor, "b m d"],
     ) -> Float[Tensor, "b c y x"]:
         dtype, views = self.transformer.dtype, len(x)
-        places = _places(0, x)
-        if not self.cached:
-            places = torch.cat((places, _places(REFERENCE, x)[: reference.shape[1]]))
         out = self.run(
-            _with_cache if self.cached else _with_reference,
+            _with_reference,
             self.transformer,
             packed(x).to(dtype),
             reference,
-            network_times(t, views, dtype),
+            torch.full((views,), t, dtype=torch.float32).to(dtype) / 1000,  # as the pipeline rounds
             text.to(dtype).expand(views, -1, -1),
-            places,
+            torch.cat((_places(0, x), _places(REFERENCE, x)[: reference.shape[1]])),
         )
         return unpacked(out.to(x.dtype), x.shape[2] // 2, x.shape[3] // 2)
 
@@ -191,24 +173,15 @@ class Klein(Model):
 
 def load(parts: Parts, *, micro_batch: int) -> Klein:
     """The model of a folder. Raises InputError for a schedule that is not supported."""
-    from diffusers.models.autoencoders.autoencoder_kl_flux2 import AutoencoderKLFlux2
-    from diffusers.models.transformers.transformer_flux2 import Flux2Transformer2DModel
-    from transformers import AutoTokenizer, Qwen3ForCausalLM
-
-    flow = FlowScheduler.read(parts.scheduler_config(), parts.folder / "scheduler")
-    cached = parts.pipeline == "Flux2KleinKVPipeline"
-    transformer = parts.network("transformer", Flux2Transformer2DModel)
-    if cached:
-        set_cache_processors(transformer)
+    flow = FlowScheduler.read(parts.settings("scheduler"), parts.folder / "scheduler")
     return Klein(
-        transformer=transformer,
-        vae=parts.network("vae", AutoencoderKLFlux2),
-        text_encoder=parts.text_encoder("text_encoder", Qwen3ForCausalLM, _used),
-        tokenizer=parts.tokenizer("tokenizer", AutoTokenizer),
+        transformer=parts.network("transformer"),
+        vae=parts.network("vae"),
+        text_encoder=parts.text_network("text_encoder", _used),
+        tokenizer=parts.tokenizer("tokenizer"),
         flow=flow,
         schedule=flow.schedule,
-        distilled=cached or bool(parts.pipeline_config().get("is_distilled", False)),
-        cached=cached,
+        distilled=bool(parts.index.get("is_distilled", False)),
         micro_batch=micro_batch,
     )
 
@@ -219,17 +192,14 @@ def _used(language_model: Any) -> Any:
     return language_model.model
 
 
-def set_cache_processors(transformer: Any) -> None:
-    """Give a transformer the attention that can keep the keys and values of a picture."""
-    from diffusers.models.transformers.transformer_flux2 import (
-        Flux2KVAttnProcessor,
-        Flux2KVParallelSelfAttnProcessor,
-    )
+def packed(latents: Latents) -> Float[Tensor, "v n d"]:
+    """Tokens row by row; of a token the channels come first, then the rows and columns in it."""
+    return pixel_unshuffle(latents, 2).flatten(2).transpose(1, 2)
 
-    for block in transformer.transformer_blocks:
-        block.attn.set_processor(Flux2KVAttnProcessor())
-    for block in transformer.single_transformer_blocks:
-        block.attn.set_processor(Flux2KVParallelSelfAttnProcessor())
+
+def unpacked(tokens: Float[Tensor, "v n d"], rows: int, columns: int) -> Latents:
+    """Latents of `rows` by `columns` tokens: the inverse of `packed`."""
+    return pixel_shuffle(tokens.transpose(1, 2).unflatten(2, (rows, columns)), 2)
 
 
 def _places(picture: int, latents: Latents) -> Int[Tensor, "n 4"]:
@@ -256,50 +226,3 @@ def _with_reference(
         txt_ids=_text_places(text),
         img_ids=places,
     ).sample[:, : tokens.shape[1]]
-
-
-def _with_cache(
-    transformer: Any, tokens: Tensor, kept: Tensor, time: Tensor, text: Tensor, places: Tensor
-) -> Tensor:
-    """The flow, with the unedited picture's keys and values in place of its tokens."""
-    from diffusers.models.transformers.transformer_flux2 import Flux2KVCache
-
-    cache = Flux2KVCache(
-        len(transformer.transformer_blocks), len(transformer.single_transformer_blocks)
-    )
-    cache.num_ref_tokens = kept.shape[3]
-    every = (*cache.double_block_caches, *cache.single_block_caches)
-    for layer, pair in zip(every, kept.unbind(1)):
-        layer.store(*pair.unbind(1))
-    return transformer(
-        hidden_states=tokens,
-        timestep=time,
-        encoder_hidden_states=text,
-        txt_ids=_text_places(text),
-        img_ids=places,
-        kv_cache=cache,
-        kv_cache_mode="cached",
-    ).sample
-
-
-def _keys_and_values(
-    transformer: Any, reference: Tensor, places: Tensor
-) -> Float[Tensor, "b layers 2 n heads h"]:
-    """Keys and values of the unedited picture's tokens in each layer.
-
-    They depend on neither the text nor the noised picture, of which one token each is passed.
-    """
-    views, count = reference.shape[:2]
-    one = torch.zeros_like(reference[:, :1])
-    text = reference.new_zeros(views, 1, transformer.config.joint_attention_dim)
-    cache = transformer(
-        hidden_states=torch.cat((reference, one), 1),
-        timestep=reference.new_zeros(views),
-        encoder_hidden_states=text,
-        txt_ids=_text_places(text),
-        img_ids=torch.cat((places, places[:1])),
-        kv_cache_mode="extract",
-        num_ref_tokens=count,
-    ).kv_cache
-    every = (*cache.double_block_caches, *cache.single_block_caches)
-    return torch.stack([torch.stack(layer.get(), 1) for layer in every], 1)

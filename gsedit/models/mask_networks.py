@@ -17,9 +17,9 @@ from torch.nn.functional import interpolate
 
 from gsedit.errors import InputError, UsageError
 from gsedit.formats.pictures import as_picture
-from gsedit.models.parts import explained, quiet
-from gsedit.models.tokens import tokens_over
-from gsedit.models.weights import config_of
+from gsedit.models.hub import cached, settings_in
+from gsedit.models.loading import explained, quiet
+from gsedit.models.model import tokens_over
 
 BOX_SCORE, TEXT_SCORE = 0.35, 0.25
 """Least scores of a box and of a word in it: those of GroundingDINO's own demonstration."""
@@ -129,7 +129,7 @@ def _loaded(place: str | Path, model_type: str, kind: Any) -> tuple[Any, Any]:
 
     example = EXAMPLES[model_type]
     folder = _folder(place, example)
-    found = config_of(folder / "config.json").get("model_type")
+    found = settings_in(folder / "config.json").get("model_type")
     if found != model_type:
         raise InputError(f"{folder} is a {found}, not a {model_type}, such as {example}")
     options: dict[str, Any] = {"local_files_only": True, "trust_remote_code": False}
@@ -146,17 +146,13 @@ def _loaded(place: str | Path, model_type: str, kind: Any) -> tuple[Any, Any]:
 def _folder(place: str | Path, example: str) -> Path:
     """The folder itself, or that of the hub's cache. Raises InputError where neither is there."""
     folder = Path(place).expanduser()
-    if folder.is_dir():
-        return folder
-    from huggingface_hub import snapshot_download
-
-    try:
-        return Path(snapshot_download(str(place), local_files_only=True, allow_patterns=["*.json"]))
-    except Exception as error:  # its library has no common base of errors; nothing is there
+    found = folder if folder.is_dir() else cached(str(place), "config.json")
+    if found is None:
         raise InputError(
             f"{place}: there is no such folder, nor is it in the hub's cache: run hf download "
             f"{example} --local-dir FOLDER, and name that"
-        ) from error
+        )
+    return found
 
 
 def _as_asked(phrase: str) -> str:

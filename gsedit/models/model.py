@@ -1,6 +1,6 @@
-"""Base of the models in diffusers' layout, each of which is a Denoiser.
+"""Base of the models in diffusers' layout, each a Denoiser; their autoencoders and texts.
 
-`v` views, `b` views at once, `c y x` latents, as a model's networks and the sampler see them.
+`v` views of `h w` pixels, `b` views at once, `c y x` latents.
 """
 
 from __future__ import annotations
@@ -8,10 +8,10 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar, NamedTuple, TypeVar
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from gsedit.datasets.padding import PadMode
@@ -20,12 +20,39 @@ from gsedit.diffusion.predictions import Latents, Prediction
 from gsedit.diffusion.schedules import Schedule
 from gsedit.editor_protocol import Capabilities
 from gsedit.errors import UsageError
-from gsedit.models.autoencoder import decoded
 from gsedit.models.runtime import Runtime, in_torch
-from gsedit.models.text_networks import TextNetwork
 
 F = TypeVar("F")
 M = TypeVar("M", bound="Model")
+
+
+class TextNetwork:
+    """A text encoder, called as its network is. Its weights take memory only while it is used, as
+    far as they can be read `again`."""
+
+    def __init__(self, network: Any, again: Callable[[], Any] | None) -> None:
+        self._network, self._again = network, again
+
+    @property
+    def network(self) -> Any:
+        """The network; loaded again where it was put away."""
+        if self._network is None and self._again is not None:
+            self._network = self._again()
+        return self._network
+
+    @property
+    def in_memory(self) -> bool:
+        """Whether it is loaded now."""
+        return self._network is not None
+
+    def __call__(self, *inputs: Any, **options: Any) -> Any:
+        """The output of the network."""
+        return self.network(*inputs, **options)
+
+    def put_away(self) -> None:
+        """Drop the weights from memory."""
+        if self._again is not None:
+            self._network = None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -39,15 +66,13 @@ class Model(ABC):
     schedule: Schedule
     predicts: Prediction
     vae: Any
-    decoder: Any = None
-    """A small decoder of latents, AutoencoderTiny; None: the VAE's own. See `small_decoder`."""
-    takes_small_decoder: ClassVar[bool] = False
-    """Whether such decoders exist for the latents that the family's sampler has."""
     run: Runtime = in_torch
     micro_batch: int = 1
     """Views in one pass of a network: memory against speed; the result is the same."""
     name: str = "pix2pix"
     padding: PadMode = "mirror"
+    of_each_view: ClassVar[tuple[str, ...]] = ("images",)
+    """Fields of a condition whose rows are views."""
     texts: dict[str, Any] = field(default_factory=dict, repr=False)
     """Features of texts that were read, see `read_once`; copies of this model share them."""
 
@@ -88,12 +113,13 @@ class Model(ABC):
     def condition(
         self, originals: Float[Tensor, "v h w 3"], prompt: str, generator: torch.Generator
     ) -> Any:
-        """Everything that no step changes. Its leading dimension, where it has one, is `v`: see
-        `of_views`."""
+        """Everything that no step changes, as a NamedTuple: see `of_each_view`."""
 
-    @abstractmethod
     def of_views(self, condition: Any, views: slice) -> Any:
         """The part of a condition that belongs to some of its views."""
+        parts = {name: getattr(condition, name) for name in self.of_each_view}
+        own = {name: None if part is None else part[views] for name, part in parts.items()}
+        return condition._replace(**own)
 
     @abstractmethod
     def predict(
@@ -101,25 +127,30 @@ class Model(ABC):
     ) -> tuple[Float[Tensor, "b c y x"], ...]:
         """The branches in need, in their order, of a few views."""
 
-    @abstractmethod
-    def encode(self, images: Float[Tensor, "v h w 3"]) -> Latents:
-        """Scaled latents, float32; differentiable."""
+    @property
+    def shift(self) -> float:
+        """Number that is taken from latents before they are scaled."""
+        return getattr(self.vae.config, "shift_factor", None) or 0.0
 
-    @abstractmethod
-    def decode_wholly(self, latents: Latents) -> Float[Tensor, "v h w 3"]:
-        """Pictures of the VAE's own decoder, float32, not clamped."""
+    def mode(self, images: Float[Tensor, "v h w 3"]) -> Latents:
+        """Latents of the VAE, not scaled, float32; differentiable."""
+        return encoded(self.run, self.vae, images, self.micro_batch)
+
+    def pictures(self, latents: Latents) -> Float[Tensor, "v h w 3"]:
+        """Pictures of latents as the VAE's decoder takes them, float32, not clamped."""
+        return decoded(self.run, self.vae, latents, self.micro_batch)
+
+    def encode(self, images: Float[Tensor, "v h w 3"]) -> Latents:
+        """Latents scaled as the sampler has them, float32; differentiable."""
+        return (self.mode(images) - self.shift) * self.vae.config.scaling_factor
 
     @torch.no_grad()
     def decode(self, latents: Latents) -> Float[Tensor, "v h w 3"]:
-        """Pictures, float32, not clamped; of the small decoder where there is one."""
-        if self.decoder is None:
-            return self.decode_wholly(latents)
-        config = self.decoder.config
-        plain = latents / config.scaling_factor + config.shift_factor
-        return decoded(self.run, self.decoder, plain, self.micro_batch)
+        """Pictures, float32, not clamped."""
+        return self.pictures(latents / self.vae.config.scaling_factor + self.shift)
 
     @property
-    def text_networks(self) -> tuple[Any, ...]:
+    def text_networks(self) -> tuple[TextNetwork, ...]:
         """The encoders that only texts are read with."""
         return ()
 
@@ -129,8 +160,7 @@ class Model(ABC):
         if new := [text for text in dict.fromkeys(texts) if text not in self.texts]:
             self.texts.update((text, read(text)) for text in new)
             for network in self.text_networks:
-                if isinstance(network, TextNetwork):
-                    network.put_away()
+                network.put_away()
         return tuple(self.texts[text] for text in texts)
 
     def unguided(self: M, weight: float) -> M:
@@ -168,3 +198,62 @@ class Model(ABC):
         chunks = [self.predict(x[i], t, self.of_views(condition, i), need) for i in slices]
         predicted = iter(torch.cat(branch) for branch in zip(*chunks))
         return Branches(*(next(predicted) if needed else None for needed in need))
+
+
+# ---- pictures to latents and back ----------------------------------------------------------------
+
+
+def mode_of(vae: Any, pixels: Tensor) -> Tensor:
+    """The posterior's mode of pixels in [-1, 1]."""
+    encoding = vae.encode(pixels)
+    # AutoencoderTiny (TAESD's architecture) has no distribution
+    return encoding.latents if "latents" in encoding else encoding.latent_dist.mode()
+
+
+def picture_of(vae: Any, latents: Tensor) -> Tensor:
+    """Pixels in about [-1, 1] of latents."""
+    return vae.decode(latents).sample
+
+
+def encoded(
+    run: Runtime, vae: Any, images: Float[Tensor, "v h w 3"], at_once: int
+) -> Float[Tensor, "v c y x"]:
+    """The mode of the posterior, not scaled, float32; `at_once` views in a pass. Differentiable."""
+    parts = (2 * images - 1).movedim(-1, 1).to(vae.dtype).split(at_once)
+    return torch.cat([run(mode_of, vae, part).float() for part in parts])
+
+
+def decoded(
+    run: Runtime,
+    vae: Any,
+    latents: Float[Tensor, "v c y x"],
+    at_once: int,
+) -> Float[Tensor, "v h w 3"]:
+    """Pictures of latents as the decoder takes them, float32, not clamped."""
+    parts = latents.to(vae.dtype).split(at_once)
+    images = torch.cat([run(picture_of, vae, part).float() for part in parts])
+    return images.movedim(1, -1) / 2 + 0.5
+
+
+# ---- texts ---------------------------------------------------------------------------------------
+
+
+class Words(NamedTuple):
+    """An instruction as a text encoder reads it."""
+
+    ids: Int[Tensor, "1 l"]
+    mask: Int[Tensor, "1 l"]
+    """0 for the tokens that only fill it up."""
+
+
+def words(tokenizer: Any, text: str, length: int) -> Words:
+    """Token numbers, cut off or filled up to the length."""
+    inputs = tokenizer(
+        text, padding="max_length", max_length=length, truncation=True, return_tensors="pt"
+    )
+    return Words(inputs.input_ids, inputs.attention_mask)
+
+
+def tokens_over(tokenizer: Any, text: str, length: int) -> int:
+    """How many tokens of the text would be cut off."""
+    return max(0, len(tokenizer(text, truncation=False).input_ids) - length)

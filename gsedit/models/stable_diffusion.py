@@ -1,4 +1,4 @@
-"""InstructPix2Pix (Brooks et al. 2023) of Stable Diffusion 1.5 and of SDXL, and CosXL-Edit.
+"""InstructPix2Pix (Brooks et al. 2023) of Stable Diffusion 1.5 and of SDXL.
 
 Stable Diffusion has one text encoder; SDXL has two, a pooled feature and the picture's size.
 `v` views, `b` views at once, `l d` text tokens and features, `p` pooled features.
@@ -6,9 +6,11 @@ Stable Diffusion has one text encoder; SDXL has two, a pooled feature and the pi
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any, ClassVar, NamedTuple
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import torch
 from jaxtyping import Float, Int
@@ -16,17 +18,79 @@ from torch import Tensor
 
 from gsedit.diffusion.guidance import Need
 from gsedit.diffusion.predictions import Prediction
+from gsedit.diffusion.schedules import NoiseLevel, Schedule
+from gsedit.diffusion.settings import SamplerDefaults, SamplerSettings
 from gsedit.editor_protocol import Capabilities
 from gsedit.errors import InputError
-from gsedit.models.autoencoder import decoded, encoded
-from gsedit.models.families import SDXL
-from gsedit.models.model import Model
-from gsedit.models.noise import Noise, noise_of
-from gsedit.models.parts import Parts
-from gsedit.models.tokens import tokens_over, words
+from gsedit.models.hub import SDXL
+from gsedit.models.loading import Parts, explained
+from gsedit.models.model import Model, TextNetwork, tokens_over, words
 
 XL_GUIDANCE = 5.0
 """The instruction's weight that diffusers' pipeline of SDXL has as its default."""
+SCHEDULERS = (
+    "DDIMScheduler", "DDPMScheduler", "PNDMScheduler", "LMSDiscreteScheduler",
+    "EulerDiscreteScheduler", "EulerAncestralDiscreteScheduler", "HeunDiscreteScheduler",
+    "DPMSolverMultistepScheduler", "DPMSolverSinglestepScheduler", "DEISMultistepScheduler",
+    "KDPM2DiscreteScheduler", "KDPM2AncestralDiscreteScheduler", "UniPCMultistepScheduler",
+)  # fmt: skip
+"""Schedulers of Stable Diffusion's noise: they differ in how they step, which is `--solver` here,
+not in how much noise there is at a training step."""
+USUAL = {
+    "beta_start": 0.00085, "beta_end": 0.012, "beta_schedule": "scaled_linear", "steps_offset": 1,
+    "set_alpha_to_one": False, "prediction_type": "epsilon",
+}  # fmt: skip
+"""Stable Diffusion's own settings, where a file does not give them."""
+PREDICTIONS: dict[str, Prediction] = {"epsilon": "eps", "v_prediction": "v"}
+"""By their names in diffusers' configs."""
+
+
+class Noise(NamedTuple):
+    """How much noise there is, what is predicted of it, and where sampling stops between."""
+
+    schedule: Schedule
+    predicts: Prediction
+    defaults: SamplerDefaults = SamplerDefaults()
+    to_clean: bool = False
+    """Whether the last level has no noise (`set_alpha_to_one`)."""
+
+
+def noise_of(config: Mapping[str, Any], place: Path) -> Noise:
+    """The noise of a scheduler's settings, as diffusers computes it.
+
+    Raises InputError, which begins with the place, for a schedule that is not supported.
+    """
+    from diffusers.schedulers.scheduling_ddim import DDIMScheduler
+
+    name = config.get("_class_name")
+    if name not in SCHEDULERS or config.get("use_flow_sigmas"):
+        raise InputError(
+            f"{place} is a {name}{' of flow matching' * bool(config.get('use_flow_sigmas'))}, "
+            f"which gsedit does not run for InstructPix2Pix: one of {', '.join(SCHEDULERS)} works"
+        )
+    given = USUAL | {key: value for key, value in config.items() if value is not None}
+    if given["prediction_type"] not in PREDICTIONS:
+        raise InputError(f"{place}: prediction_type is not {' or '.join(PREDICTIONS)}")
+    with explained(str(place)):
+        scheduler: Any = DDIMScheduler.from_config(given)
+        alphas = scheduler.alphas_cumprod.double()
+    if not (alphas.diff() < 0).all() or not 0 <= alphas[-1] <= alphas[0] < 1:
+        raise InputError(f"{place}: its betas make no noise that grows from 0 to 1: correct them")
+    spacing = "trailing" if given.get("timestep_spacing") == "trailing" else None
+    if given.get("use_karras_sigmas"):
+        spacing = "karras"
+    return Noise(
+        Schedule(alphas, offset=given["steps_offset"]),
+        PREDICTIONS[given["prediction_type"]],
+        SamplerDefaults(spacing=spacing) if spacing else SamplerDefaults(),
+        bool(given["set_alpha_to_one"]) and spacing is None,
+    )
+
+
+def _levels_to_clean(
+    schedule: Schedule, settings: SamplerSettings, _: tuple[int, int]
+) -> list[NoiseLevel]:
+    return schedule.levels(settings.step_count, settings.strength, settings.step_spacing)
 
 
 class TextFeatures(NamedTuple):
@@ -41,7 +105,7 @@ class Condition(NamedTuple):
     """The UNet's input that no step changes."""
 
     images: Float[Tensor, "v c y x"]
-    """Latents of the unedited pictures: the posterior's mode; scaled for CosXL-Edit alone."""
+    """Latents of the unedited pictures: the posterior's mode, not scaled."""
     text: TextFeatures
     null: TextFeatures
     """Features of the empty instruction."""
@@ -53,7 +117,7 @@ class Condition(NamedTuple):
 class TextEncoder:
     """A text encoder with its tokenizer."""
 
-    network: Any
+    network: TextNetwork
     tokenizer: Any
 
     def ids(self, text: str) -> Int[Tensor, "1 l"]:
@@ -72,22 +136,18 @@ class Pix2Pix(Model):
     unet: Any
     text_encoders: tuple[TextEncoder, ...]
     """One of Stable Diffusion, two of SDXL."""
-    takes_small_decoder: ClassVar[bool] = True
     predicts: Prediction = "eps"
     zeros_for_empty: bool = True
     """SDXL: the features of the empty instruction are zeros, not the encoders' output."""
-    scaled_images: bool = False
-    """CosXL-Edit: the unedited pictures' latents are scaled too."""
-    noise: Noise | None = None
-    """The scheduler's levels and defaults; None: those of the settings."""
+    defaults: SamplerDefaults = field(default_factory=SamplerDefaults)
+    to_clean: bool = False
+    """Whether the last level has no noise, see `Noise`."""
 
     @property
     def capabilities(self) -> Capabilities:
         """Every model's, with the scheduler's levels and defaults."""
-        declared = super().capabilities
-        if self.noise is None:
-            return declared
-        return replace(declared, levels=self.noise.levels, defaults=self.noise.defaults)
+        levels = partial(_levels_to_clean, self.schedule) if self.to_clean else None
+        return replace(super().capabilities, levels=levels, defaults=self.defaults)
 
     @property
     def size(self) -> int | None:
@@ -104,21 +164,11 @@ class Pix2Pix(Model):
         return self.cell * 2 ** (len(self.unet.config.block_out_channels) - 1)
 
     @property
-    def text_networks(self) -> tuple[Any, ...]:
+    def text_networks(self) -> tuple[TextNetwork, ...]:
         return tuple(encoder.network for encoder in self.text_encoders)
 
     def excess(self, prompt: str) -> int:
         return max(encoder.excess(prompt) for encoder in self.text_encoders)
-
-    def encode(self, images: Float[Tensor, "v h w 3"]) -> Float[Tensor, "v c y x"]:
-        """The posterior's mode times the VAE's scaling factor, float32; differentiable."""
-        return self._mode(images) * self.vae.config.scaling_factor
-
-    @torch.no_grad()
-    def decode_wholly(self, latents: Float[Tensor, "v c y x"]) -> Float[Tensor, "v h w 3"]:
-        """The VAE's decoder, float32."""
-        latents = latents / self.vae.config.scaling_factor
-        return decoded(self.run, self.vae, latents, self.micro_batch)
 
     @torch.no_grad()
     def condition(
@@ -128,12 +178,8 @@ class Pix2Pix(Model):
         text, null = self.read_once(self._embed, prompt, "")
         if text.pooled is not None and self.zeros_for_empty:
             null = TextFeatures(torch.zeros_like(text.tokens), torch.zeros_like(text.pooled))
-        images = self.encode(originals) if self.scaled_images else self._mode(originals)
         height, width = originals.shape[1:3]
-        return Condition(images, text, null, (height, width))
-
-    def of_views(self, condition: Condition, views: slice) -> Condition:
-        return condition._replace(images=condition.images[views])
+        return Condition(self.mode(originals), text, null, (height, width))
 
     def predict(
         self, x: Float[Tensor, "b c y x"], t: float, condition: Condition, need: Need
@@ -161,9 +207,6 @@ class Pix2Pix(Model):
         text = torch.cat(pooled).to(self.unet.dtype)
         return text, ids.repeat(len(text), 1)
 
-    def _mode(self, images: Float[Tensor, "v h w 3"]) -> Float[Tensor, "v c y x"]:
-        return encoded(self.run, self.vae, images, self.micro_batch)
-
     def _embed(self, text: str) -> TextFeatures:
         if len(self.text_encoders) == 1:
             encoder = self.text_encoders[0]
@@ -181,37 +224,30 @@ def _predicted(unet: Any, sample: Tensor, time: Tensor, tokens: Tensor, *added: 
 
 def load(parts: Parts, *, micro_batch: int) -> Pix2Pix:
     """The model of a folder. Raises InputError for a schedule or latents that are not supported."""
-    import transformers
-    from diffusers.models.autoencoders.autoencoder_kl import AutoencoderKL
-    from diffusers.models.unets.unet_2d_condition import UNet2DConditionModel
-
-    noise = noise_of(parts.scheduler_config(), parts.folder / "scheduler")
-    kinds: dict[str, Any] = {"text_encoder": transformers.CLIPTextModel}
-    settings = parts.pipeline_config()
-    if parts.family == SDXL:
-        kinds["text_encoder_2"] = transformers.CLIPTextModelWithProjection
-        noise = noise._replace(defaults=noise.defaults._replace(guidance_text=XL_GUIDANCE))
-    vae = parts.network("vae", AutoencoderKL)
+    unet, vae = parts.network("unet"), parts.network("vae")
     if getattr(vae.config, "latents_mean", None) is not None:
+        raise InputError(f"{parts.folder / 'vae'}: latents with a mean are not supported")
+    if unet.config.in_channels != 2 * vae.config.latent_channels:
         raise InputError(
-            f"{parts.folder / 'vae'}: latents with a mean (latents_mean) are not supported"
+            f"{parts.folder}: this is not an InstructPix2Pix model (its unet takes "
+            f"{unet.config.in_channels} channels, not {2 * vae.config.latent_channels}): one of "
+            f"that kind is {parts.family.example}"
         )
+    noise = noise_of(parts.settings("scheduler"), parts.folder / "scheduler")
+    is_xl = parts.family == SDXL
     return Pix2Pix(
-        unet=parts.network("unet", UNet2DConditionModel),
+        unet=unet,
         vae=vae,
         text_encoders=tuple(
             TextEncoder(
-                parts.text_encoder(name, kind),
-                parts.tokenizer(
-                    name.replace("text_encoder", "tokenizer"), transformers.CLIPTokenizer
-                ),
+                parts.text_network(f"text_encoder{end}"), parts.tokenizer(f"tokenizer{end}")
             )
-            for name, kind in kinds.items()
+            for end in ("", "_2")[: 1 + is_xl]
         ),
         schedule=noise.schedule,
         predicts=noise.predicts,
-        noise=noise,
+        defaults=noise.defaults._replace(guidance_text=XL_GUIDANCE) if is_xl else noise.defaults,
+        to_clean=noise.to_clean,
         micro_batch=micro_batch,
-        zeros_for_empty=settings.get("force_zeros_for_empty_prompt", True),
-        scaled_images=bool(settings.get("is_cosxl_edit", False)),
+        zeros_for_empty=parts.index.get("force_zeros_for_empty_prompt", True),
     )

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 from rasterizer.lazy import make_lazy
 
 if TYPE_CHECKING:
-    from gsedit.objects.bending.bend import Handle, bend
-    from gsedit.objects.bending.click import point_at
+    from gsedit.objects.bending.bend import Handle, bend, point_at
     from gsedit.objects.growth.grow import grow
     from gsedit.objects.placing.insert import insert
     from gsedit.objects.placing.place import place

@@ -17,10 +17,17 @@ from gsedit.paper.actions import RollbackAction
 from gsedit.paper.estimate import Estimate, estimate_edit
 from gsedit.paper.evaluate import Drawing, evaluate_edit
 from gsedit.paper.progress import start_progress
-from gsedit.paper.request import Request, request_record
+from gsedit.paper.request import Request, request_record, uses_all_views
 from gsedit.paper.session import Session
-from gsedit.paper.skip.decide import explain_skips
-from gsedit.paper.skip.decision import TERMINAL_COLUMNS, Decision, one_line, screen
+from gsedit.paper.skips import (
+    TERMINAL_COLUMNS,
+    Decision,
+    decide_merging,
+    decide_views,
+    disabled,
+    one_line,
+    screen,
+)
 from gsedit.paper.state import (
     SessionSnapshot,
     check_resumable,
@@ -29,7 +36,6 @@ from gsedit.paper.state import (
     stopwatch_of,
     view_plan_of,
 )
-from gsedit.paper.strategy import asks_editor
 from gsedit.paper.survey import survey_views
 from gsedit.paper.unedited import UneditedRenders
 from gsedit.paper.view_plan import ViewPlan
@@ -115,12 +121,30 @@ def _run(request: Request, resume: State | None) -> Generator[Event | Checkpoint
     )
 
 
+def explain_skips(session: Session) -> tuple[Decision, ...]:
+    """Every decision of this edit, with its reason, its saving and its bound.
+
+    Nothing is decided here that the session does not do already.
+    """
+    request, surveyed, settings = session.request, session.surveyed, session.request.settings
+    decisions = (
+        decide_merging(len(request.whole), len(request.scene)),
+        decide_views(
+            len(surveyed.plan.views),
+            min(settings.batches * settings.views_per_batch, len(request.views)),
+            surveyed.plan.coverage[-1],
+            settings.coverage,
+            needs_all=uses_all_views(request.strategy),
+        ),
+    )
+    return tuple(
+        decision if settings.skips(decision.name) else disabled(decision.name)
+        for decision in decisions
+    )
+
+
 def start_session(request: Request) -> Generator[Event, None, Session]:
     """The session of a new edit; its optimizer is at the unedited scene."""
-    if asks_editor(request.strategy):
-        note = request.editor.capabilities.advice(request.prompt)
-        if note:
-            yield Event("advice", 0.0, note=note)
     stopwatch = Stopwatch()
     noise_seed = int(torch.randint(1 << 31, (), generator=request.generator))
     session = yield from _session(request, stopwatch, noise_seed)
@@ -144,7 +168,7 @@ def _session(
     """A session that has not begun, of a request whose views are surveyed."""
     request, surveyed = yield from survey_views(request, stopwatch, plan)
     unedited = UneditedRenders(request, surveyed.renderings)
-    progress = start_progress(request, surveyed, unedited, stopwatch, noise_seed)
+    progress = start_progress(request, unedited, stopwatch, noise_seed)
     return Session(request, surveyed, unedited, progress)
 
 

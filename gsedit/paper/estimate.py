@@ -8,8 +8,8 @@ from datetime import datetime, timedelta
 from gsedit.diffusion.precision import has_bfloat16
 from gsedit.editor_protocol import Cost
 from gsedit.paper.edit_views import batch_of
+from gsedit.paper.request import asks_editor, fits_pictures
 from gsedit.paper.session import Session
-from gsedit.paper.strategy import asks_editor, fits_pictures
 
 BRANCHES = 2.5
 """Branches a step from which sharing guidance halves the time: it leaves 1.4."""

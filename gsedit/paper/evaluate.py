@@ -26,8 +26,8 @@ from gsedit.paper.measure_progress import (
     to_targets,
     true_edits,
 )
+from gsedit.paper.request import name_of
 from gsedit.paper.session import Session
-from gsedit.paper.strategy import name_of
 from gsedit.runs.events import Event
 from gsedit.scene.picture import render_picture
 from gsedit.select.region import Region

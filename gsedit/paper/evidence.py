@@ -9,7 +9,7 @@ from gsedit.datasets.dataset import View
 from gsedit.measures.evaluation_input import Evaluation
 from gsedit.paper.progress import Work
 from gsedit.paper.settings import EditSettings
-from gsedit.paper.skip.decision import Decision
+from gsedit.paper.skips import Decision
 from gsedit.paper.view_plan import ViewPlan
 from gsedit.runs.events import Event
 
@@ -18,7 +18,7 @@ from gsedit.runs.events import Event
 class EditMetrics:
     """The evaluation of an edited scene, and how well its views matched.
 
-    A metric has its name of gsedit.measures.names; `evaluation.value(NAME, ROLE)` reads any of
+    A metric has its name of gsedit.measures.table; `evaluation.value(NAME, ROLE)` reads any of
     them. The properties are those to read first, None where they were not measured.
     """
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
-import torch
 from jaxtyping import Float
 from torch import Tensor
 
@@ -14,7 +13,6 @@ from gsedit.fitting.crops import ExactCrops, color_crops
 from gsedit.fitting.optimizer import SceneOptimizer
 from gsedit.fitting.update import Target, rates
 from gsedit.paper.request import Request
-from gsedit.paper.survey import SurveyedViews
 from gsedit.paper.unedited import UneditedRenders
 from gsedit.runs.stopwatch import Stopwatch
 from gsedit.scene.framing import bounds
@@ -77,7 +75,6 @@ class Progress:
 
 def start_progress(
     request: Request,
-    surveyed: SurveyedViews,
     unedited: UneditedRenders,
     stopwatch: Stopwatch,
     noise_seed: int,
@@ -90,14 +87,13 @@ def start_progress(
         compiled=is_compiled(settings.execution),
         ranks=request.ranks,
     )
-    return Progress(optimizer, _crops(request, surveyed, unedited), stopwatch, noise_seed)
+    return Progress(optimizer, _crops(request, unedited), stopwatch, noise_seed)
 
 
-def _crops(request: Request, surveyed: SurveyedViews, unedited: UneditedRenders) -> ExactCrops:
+def _crops(request: Request, unedited: UneditedRenders) -> ExactCrops:
     """Crops from lists of what each pixel shows, or rendered where that is faster or needed."""
     settings, scene = request.settings, request.scene
     if settings.geometry == "full":
         return ExactCrops(settings.execution)
-    transparent = scene.logit_opacities.masked_fill(surveyed.faint, -torch.inf)
-    start, is_coarse = replace(scene, logit_opacities=transparent), request.coarse is not None
-    return color_crops(start, unedited.color_at, settings.execution, is_coarse=is_coarse)
+    is_coarse = request.coarse is not None
+    return color_crops(scene, unedited.color_at, settings.execution, is_coarse=is_coarse)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, is_dataclass, replace
 from functools import partial
 from itertools import chain
 from typing import Any
@@ -15,10 +15,10 @@ from gsedit.datasets.lazy_views import of_one_size
 from gsedit.datasets.viewpoints import Viewpoint, that_see, thinned
 from gsedit.editor_protocol import Editor
 from gsedit.editors.ranked import with_ranks
+from gsedit.errors import UsageError
 from gsedit.fitting.edit_loss import check_installed
 from gsedit.measures.features import FeatureExtractor, FilterBank
 from gsedit.paper.settings import EditSettings
-from gsedit.paper.strategy import asks_editor, check_strategy, fits_pictures, name_of
 from gsedit.runs.json_lines import plain
 from gsedit.runs.ranks import ALONE, Ranks
 from gsedit.runs.state import digest, digest_of
@@ -28,6 +28,38 @@ from gsedit.select.region import Region
 from rasterizer.camera import Camera
 from rasterizer.numerics import Execution
 from rasterizer.scene import Gaussians
+
+
+def check_strategy(strategy: Any) -> None:
+    """Raise UsageError or InputError for what is no strategy, or lacks weights, say."""
+    if isinstance(strategy, type) or not is_dataclass(strategy):
+        raise UsageError(
+            f"{strategy!r} is no strategy: give an instance of a dataclass, as in SinglePass()"
+        )
+    check = getattr(strategy, "check", None)
+    if check is not None:
+        check()
+
+
+def asks_editor(strategy: Any) -> bool:
+    """Whether a 2D editor must be able to follow the instruction."""
+    return getattr(strategy, "asks_editor", True)
+
+
+def fits_pictures(strategy: Any) -> bool:
+    """Whether it fits the scene to edited pictures alone; others render the optimizer's scene."""
+    return getattr(strategy, "fits_pictures", True)
+
+
+def uses_all_views(strategy: Any) -> bool:
+    """Whether it edits or renders views that are not in the plan."""
+    return getattr(strategy, "dataset_views", "planned") == "all"
+
+
+def name_of(strategy: Any) -> str:
+    """The name of a strategy, as on the command line."""
+    return type(strategy).__module__.rpartition(".")[2].replace("_", "-")
+
 
 RESUME_IGNORED = ("checkpoint_seconds", "execution", "held_out_edits")
 """Settings that may change when an edit is resumed: they do not change the scene."""

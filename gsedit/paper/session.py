@@ -92,25 +92,21 @@ def preview(session: Session, i: int, camera: Camera | None = None) -> Float[Ten
 def seen_gaussians(session: Session, views: Iterable[int] | None = None) -> Bool[Tensor, " n"]:
     """The Gaussians of the region that these views see; no others move.
 
-    Without `views`: the edited ones, or the planned ones before any is edited. All Gaussians of the
-    region may move where the settings disable `gaussians`.
+    Without `views`: the edited ones, or the planned ones before any is edited.
     """
     surveyed, inside = session.surveyed, session.region.inside
-    if not session.request.settings.skips("gaussians"):
-        return inside
     rows = list(session.progress.edited.targets or surveyed.plan.views) if views is None else views
     seen = surveyed.weights[list(rows)].sum(0) > MIN_SEEN_PIXELS
-    return seen & inside & ~surveyed.faint
+    return seen & inside
 
 
 def region_masks(session: Session, views: Iterable[int]) -> list[Bool[Tensor, "h w"]] | None:
     """The pixels of these views in which the region shows, for crops to be drawn from there.
 
-    None where crops are drawn from everywhere: the region is everything, shows nowhere, or the
-    settings disable `crops`.
+    None where crops are drawn from everywhere: the region is everything, or shows nowhere.
     """
     region = session.region
-    if region.is_all or not session.request.settings.skips("crops"):
+    if region.is_all:
         return None
     masks = [session.unedited.coverage(region, i) > MIN_SHOWN_SHARE for i in views]
     return masks if any(mask.any() for mask in masks) else None

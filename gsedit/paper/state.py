@@ -12,7 +12,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from gsedit.datasets.dataset import View
-from gsedit.errors import UsageError
+from gsedit.errors import Said, UsageError
 from gsedit.fitting.crops import ListedCrops
 from gsedit.paper.edit_views import find_ground_truth
 from gsedit.paper.progress import EditedViews, Work
@@ -60,10 +60,8 @@ def session_state(session: Session) -> State:
 def check_resumable(state: State, request: Mapping[str, Any]) -> None:
     """Raise UsageError where the state is of another version, or of another `request_record`."""
     if state.record.get("edit_format") != FORMAT:
-        raise UsageError(
-            "the checkpoint of this edit was written by another version of gsedit: go on with that "
-            "version, or leave --resume out and add -f to start again"
-        )
+        what = "the checkpoint of this edit was written by another version of gsedit"
+        raise UsageError(Said(what, "begin-again"))
     with restoring(state):
         check_same(request, state.record["request"], "edit")
 

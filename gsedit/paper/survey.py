@@ -1,22 +1,21 @@
 """The survey of an edit: which views are edited, and what of the scene they show.
 
-`n` Gaussians, `v` views.
+`n` Gaussians, `v` views, `k` coefficients a channel, `d` degrees from 1 on.
 """
 
 from __future__ import annotations
 
 from collections.abc import Generator, Mapping
 from dataclasses import dataclass, replace
+from math import isqrt, pi, sqrt
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from torch import Tensor
 
 from gsedit.errors import UsageError
 from gsedit.fitting.solve import MOST_COEFFICIENTS
 from gsedit.paper.request import Request
-from gsedit.paper.skip.invisible import faint_gaussians, visible_coefficients
-from gsedit.paper.strategy import uses_all_views
 from gsedit.paper.unedited import edit_camera
 from gsedit.paper.view_plan import ViewPlan, plan_views, random_plan, survey, wholeness
 from gsedit.runs.events import Event
@@ -24,8 +23,8 @@ from gsedit.runs.stopwatch import Stopwatch
 from rasterizer.render import Rendering, render
 from rasterizer.scene import Gaussians
 
-MIN_WEIGHT = 1e-9
-"""Floor of a view's total weight, survey pixels, where it is divided by."""
+INVISIBLE_COLOR = 1 / 510
+"""Color difference in [0, 1] that no picture shows: half a step of an 8-bit picture."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,10 +36,7 @@ class SurveyedViews:
     """How much each view sees of each Gaussian, in pixels of a small picture."""
     renderings: Mapping[int, Rendering]
     """Renders of the planned views, and of the held-out ones unless the scene is large, by index,
-    with median depth and where the `faint` Gaussians show."""
-    faint: Bool[Tensor, " n"]
-    """Gaussians that the update does not move though they are in the region: pictures hardly show
-    them."""
+    with median depth."""
     scene: Gaussians
     """The scene with all bands of spherical harmonics; the request's has those that are fitted."""
 
@@ -59,17 +55,13 @@ def survey_views(
         cameras = [view.camera for view in views]
         weights = survey(request.scene, cameras, settings.execution)
         plan = plan or _plan(request, weights)
-        used = weights if uses_all_views(request.strategy) else weights[list(plan.views)]
-        faint = torch.zeros(len(request.scene), dtype=torch.bool)
-        if settings.skips("gaussians") and not request.solves:
-            faint = faint_gaussians(used / used.sum(1, keepdim=True).clamp_min(MIN_WEIGHT))
         scene = request.scene
         least = MOST_COEFFICIENTS if request.solves else 1
-        fitted = scene.sh[:, : max(least, visible_coefficients(scene.sh, ~faint))]
+        fitted = scene.sh[:, : max(least, visible_coefficients(scene.sh))]
         request = replace(request, scene=replace(scene, sh=fitted))
-        renderings = _renderings(request, plan, faint)
+        renderings = _renderings(request, plan)
     yield Event("survey", stopwatch.seconds, len(views), len(views), note=_note(request, plan))
-    return request, SurveyedViews(plan, weights, renderings, faint, scene)
+    return request, SurveyedViews(plan, weights, renderings, scene)
 
 
 def _plan(request: Request, weights: Float[Tensor, "v n"]) -> ViewPlan:
@@ -94,18 +86,14 @@ def _plan(request: Request, weights: Float[Tensor, "v n"]) -> ViewPlan:
 
 
 @torch.no_grad()
-def _renderings(
-    request: Request, plan: ViewPlan, faint: Bool[Tensor, " n"]
-) -> dict[int, Rendering]:
+def _renderings(request: Request, plan: ViewPlan) -> dict[int, Rendering]:
     """The unedited scene at the planned and the held-out views; not the latter of a large scene."""
     held_out = request.held_out_indices if request.coarse is None else ()
-    marked = faint if request.coarse is None else request.coarse.expand(faint)
     return {
         i: render(
             request.whole,
             request.every_view[i].camera,
             median_depth=True,
-            marked=marked if marked.any() else None,
             execution=request.settings.execution,
         )
         for i in (*plan.views, *held_out)
@@ -125,3 +113,29 @@ def _note(request: Request, plan: ViewPlan) -> str:
     if request.coarse is not None:
         note += f"; {len(request.whole):,} Gaussians edited as {len(request.scene):,} groups"
     return note
+
+
+def band_colors(sh: Float[Tensor, "n k 3"]) -> Float[Tensor, "n d"]:
+    """The most that each degree adds to a color, over all directions and channels.
+
+    By Cauchy-Schwarz: the squares of a degree's 2 d + 1 harmonics add up to (2 d + 1) / (4 pi) in
+    every direction (the addition theorem).
+    """
+    degrees = range(1, isqrt(sh.shape[1]))
+    columns = [
+        sh[:, d * d : (d + 1) ** 2].norm(dim=1).amax(-1) * sqrt((2 * d + 1) / (4 * pi))
+        for d in degrees
+    ]
+    return torch.stack(columns, -1) if columns else sh.new_zeros(len(sh), 0)
+
+
+def visible_coefficients(sh: Float[Tensor, "n k 3"]) -> int:
+    """Coefficients a channel that an edit renders and fits.
+
+    The highest degrees are not among them where they together add at most `INVISIBLE_COLOR` to
+    the color of every Gaussian.
+    """
+    tails = band_colors(sh).flip(-1).cumsum(-1).flip(-1)
+    colors = tails.amax(0).tolist() if len(tails) else [0.0] * tails.shape[1]
+    degree = next((i for i, color in enumerate(colors) if color <= INVISIBLE_COLOR), len(colors))
+    return (degree + 1) ** 2

@@ -13,8 +13,7 @@ from torch import Tensor
 
 from gsedit.datasets.dataset import evenly_spaced
 from gsedit.formats.pictures import eight_bits
-from gsedit.pictures.depth_pictures import SOLID, depth_colors, depth_range
-from gsedit.pictures.maps import MapName, Maps, render_maps, wipe
+from gsedit.pictures.maps import SOLID, MapName, Maps, depth_colors, depth_range, render_maps, wipe
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, DEFAULT, Execution, Numerics
 from rasterizer.scene import Gaussians

@@ -14,9 +14,8 @@ from torch import Tensor
 
 from gsedit.errors import UsageError
 from gsedit.formats.pictures import as_picture, eight_bits, save_picture
-from gsedit.pictures.depth_pictures import depth_picture
 from gsedit.pictures.frames import normal_colors, panels
-from gsedit.pictures.maps import MapName, Maps, render_maps
+from gsedit.pictures.maps import MapName, Maps, depth_picture, render_maps
 from gsedit.runs.environment import load_extra
 from gsedit.scene.color_space import linear_of_srgb
 from gsedit.storage.atomic import atomic_path

@@ -16,7 +16,7 @@ from typing import Any
 
 from torch import Tensor
 
-from gsedit.errors import InputError, UsageError
+from gsedit.errors import InputError, Said, UsageError
 from gsedit.storage.atomic import atomic_path
 from gsedit.storage.inputs import existing_file
 from gsedit.storage.json_files import object_of, parse_json
@@ -185,10 +185,8 @@ def check_same(now: Mapping[str, Any], before: Mapping[str, Any], work: str) -> 
         if new.get(name) != old.get(name)
     ]
     if different:
-        raise UsageError(
-            f"this is not the {work} that was interrupted: {'; '.join(different)}. Repeat that "
-            "command with --resume, or leave --resume out and add -f to start again"
-        )
+        what = f"this is not the {work} that was interrupted: {'; '.join(different)}"
+        raise UsageError(Said(what, "repeat"))
 
 
 def _flat(record: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:

@@ -32,21 +32,21 @@ TASKS = Path("/proc/self/task")
 """Folder of this process's threads, on Linux."""
 
 
-def is_decided() -> bool:
-    """Whether the user has said how many threads there are to be."""
-    return torch.get_num_threads() != TORCH_CHOICE or any(map(os.environ.get, DECIDED_BY))
+def is_decided(choice: int = TORCH_CHOICE) -> bool:
+    """Whether the user has said how many threads there are to be, where torch's choice is known."""
+    return torch.get_num_threads() != choice or any(map(os.environ.get, DECIDED_BY))
 
 
-def waited_seconds() -> float | None:
+def waited_seconds(tasks: Path = TASKS) -> float | None:
     """Seconds that the threads of this process were ready but had no processor, summed.
 
     None where the system does not count them: it is Linux that does.
     """
     waited = None
     with suppress(OSError):
-        for task in os.listdir(TASKS):
+        for task in os.listdir(tasks):
             with suppress(FileNotFoundError):  # a thread has ended
-                ready = int((TASKS / task / "schedstat").read_text().split()[1])
+                ready = int((tasks / task / "schedstat").read_text().split()[1])
                 waited = (waited or 0.0) + 1e-9 * ready
     return waited
 
@@ -72,9 +72,11 @@ class StepThreads:
         self,
         clock: Callable[[], float] = time.monotonic,
         waited: Callable[[], float | None] = waited_seconds,
+        choice: int = TORCH_CHOICE,
     ) -> None:
-        """`clock`: seconds; `waited`: see `waited_seconds`."""
-        self._clock, self._waited = clock, waited
+        """`clock`: seconds; `waited`: see `waited_seconds`; `choice`: threads that torch takes by
+        itself."""
+        self._clock, self._waited, self._choice = clock, waited, choice
         self._fewer, self._hold, self._retry = 0, HOLDS_S[0], 0.0
         self._window = clock(), waited()
 
@@ -82,7 +84,7 @@ class StepThreads:
     def step(self) -> Iterator[None]:
         """Make one step inside, on as many threads as there are processors for."""
         count = torch.get_num_threads()
-        if count == 1 or is_decided():
+        if count == 1 or is_decided(self._choice):
             yield
             return
         with on_threads(max(1, count - self._fewer)):

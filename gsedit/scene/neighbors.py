@@ -1,4 +1,4 @@
-"""How near the neighbors of Gaussians are, and how well others cover a point: by k-d trees.
+"""How near the neighbors of Gaussians are, how well others cover a point, how far points extend.
 
 `n` Gaussians, `m` points. Time and memory depend on how many Gaussians there are, not on how far
 apart: a scene 10^6 wide costs what a small one does.
@@ -98,3 +98,9 @@ def linked(pairs: Int64[np.ndarray, "p 2"], count: int) -> Int64[np.ndarray, " n
 
     graph = coo_matrix((np.ones(len(pairs), bool), tuple(pairs.T)), (count, count))
     return connected_components(graph, directed=False)[1].astype(np.int64)
+
+
+def extent_of(points: Float[np.ndarray, "n 3"]) -> float:
+    """The diagonal of the box that holds all but the outermost 2 % of the points."""
+    low, high = np.quantile(points, (0.02, 0.98), axis=0)
+    return float(np.linalg.norm(high - low))

@@ -1,15 +1,85 @@
-"""Planes in clouds of points, normal . p = offset: through three points, and fitted to those near.
+"""Planes in clouds of points: what most points are on, what an object stands on, what is around it.
 
-`n` points, `k` planes.
+`n` points, `v` of them voting, `k` planes; world units.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Bool, Float, Float64
+
+from gsedit.scene.neighbors import extent_of, k_nearest
 
 REFINED = 5
 """Least-squares fits to the points that are on a plane, one after the other."""
+TRIES = 600
+"""Planes that are tried, each through three points: a sixth of the points on one plane give 3."""
+VOTERS = 4000
+"""Points that vote: more change no plane, and cost time."""
+TOLERANCE = 0.01
+"""Distance at which a point is on a plane around an object, of its extent."""
+
+
+@dataclass(frozen=True, eq=False)
+class Plane:
+    """A plane, normal . p = offset, and how thick the layer of points is that lies on it."""
+
+    normal: Float64[np.ndarray, "3"]
+    """Unit vector; what the plane was found for is on its side."""
+    offset: float
+    band: float
+    """Distance up to which points belong to it: it is rough."""
+
+    def heights(self, points: Float[np.ndarray, "n 3"]) -> Float64[np.ndarray, " n"]:
+        return points.astype(np.float64) @ self.normal - self.offset
+
+    def on(self, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
+        """Flag the points that belong to the plane."""
+        return np.abs(self.heights(points)) < self.band
+
+    def facing(self, points: Float[np.ndarray, "n 3"]) -> Plane:
+        """The plane with most of the points on its positive side."""
+        side = 1.0 if np.median(self.heights(points)) > 0 else -1.0
+        return replace(self, normal=side * self.normal, offset=side * self.offset)
+
+
+Votes = Callable[
+    [Float64[np.ndarray, "k 3"], Float64[np.ndarray, " k"], Bool[np.ndarray, "v k"]],
+    Float64[np.ndarray, " k"],
+]
+"""Share of the votes of each plane, from normals, offsets, and which of the voters are on it."""
+
+
+def voted_plane(
+    voters: Float64[np.ndarray, "v 3"],
+    tolerance: float,
+    random: np.random.Generator,
+    votes_of: Votes | None = None,
+    least: float = 0.0,
+    width: float = 0.0,
+) -> tuple[Plane, float] | None:
+    """The plane with most votes, fitted to the voters on it, and its share of them (RANSAC).
+
+    A voter within `tolerance` is on a plane. Without `votes_of`, each plane has the votes of those.
+    A plane has a `least` share and three voters, and those on it spread over a standard deviation
+    of `width` across them; its band is their median distance. None where there is no such plane.
+    """
+    normals, offsets = planes_through(*voters[random.integers(len(voters), size=(3, TRIES))])
+    on = np.abs(voters @ normals.T - offsets) < tolerance
+    votes = on.mean(0) if votes_of is None else votes_of(normals, offsets, on)
+    for best in np.argsort(-votes, kind="stable"):
+        if votes[best] < max(least, 3 / len(voters)):
+            return None
+        if width and np.linalg.eigvalsh(np.cov(voters[on[:, best]].T))[1] <= width**2:
+            continue
+        normal, offset = refined_plane(voters, normals[best], float(offsets[best]), tolerance)
+        away = np.abs(voters @ normal - offset)
+        rough = float(np.median(away[away < tolerance]))
+        return Plane(normal, offset, rough), float(votes[best])
+    return None
 
 
 def planes_through(
@@ -37,3 +107,147 @@ def refined_plane(
         normal = fitted * np.copysign(1.0, fitted @ normal)  # points in a line: also across it
         offset = float(normal @ middle)
     return normal, offset
+
+
+NEAR = (0.15, 0.4)
+"""How far the surroundings reach from an object, of its extent; the second where the first hold no
+plane, for an object that hovers."""
+LEAST_CARRYING = 0.1
+"""Least share of the surroundings that is on the plane that carries: less is no ground."""
+LEAST_SPREAD = 0.08
+"""Least standard deviation, across, of the points on it, of the object's extent: a strip a quarter
+as wide as the object is long. What is narrower is another part of it, as a hand."""
+ABOVE = 0.97
+"""Least share of the object that is above the plane."""
+TOUCHING = 0.25
+"""Largest height of the object's lowest parts over the plane, of its extent."""
+LEAST_BAND = 0.0025
+"""Least band of the plane, of the object's extent: a toe is higher."""
+
+
+def find_support(
+    points: Float[np.ndarray, "n 3"],
+    object_: Bool[np.ndarray, " n"],
+    weights: Float[np.ndarray, " n"],
+) -> Plane | None:
+    """The plane of an object's surroundings that it stands on; None where there is none.
+
+    The one wins that most of the weight near the object is on, of those that have it on one side.
+    """
+    points = points.astype(np.float64)
+    body = points[object_]
+    extent = extent_of(body)
+    tolerance = TOLERANCE * extent
+    random = np.random.default_rng(0)
+    some = body[random.integers(len(body), size=VOTERS)]
+
+    def votes(normals: np.ndarray, offsets: np.ndarray, on: np.ndarray) -> np.ndarray:
+        heights = some @ normals.T - offsets
+        heights *= np.copysign(1.0, np.median(heights, axis=0))
+        lowest = np.quantile(heights, 1 - ABOVE, axis=0)
+        carrying = (lowest >= -tolerance) & (lowest <= TOUCHING * extent)
+        return np.where(carrying, on.mean(0), 0.0)
+
+    for near in NEAR:
+        close = np.isfinite(k_nearest(body, points, 1, near * extent)[0][:, 0])
+        ring = np.flatnonzero(close & ~object_ & (weights > 0))
+        if not len(ring):
+            continue
+        share = weights[ring] / weights[ring].sum()
+        voters = points[random.choice(ring, VOTERS, p=share)]  # by weight: one vote each
+        width = LEAST_SPREAD * extent
+        found = voted_plane(voters, tolerance, random, votes, LEAST_CARRYING, width)
+        if found is not None:
+            plane = found[0].facing(some)
+            return replace(plane, band=max(plane.band, LEAST_BAND * extent))
+    return None
+
+
+MOST_PLANES = 4
+"""Planes around an object that are looked for: a support and the walls of a corner."""
+LEAST_SHARE = 0.15
+"""Least share of the surroundings that is on a plane beyond the first."""
+SMALLEST = 1e-3
+"""Least extent of an object, of its scene's: one Gaussian has none."""
+BAND = 3.0
+"""Half of the thickness of a plane's layer of Gaussians, in its roughness."""
+ALONG = 0.7
+"""Least mean cosine between the normals of its Gaussians and a plane beyond the first: those that
+it cuts across have 0.5."""
+HOVERS = 0.05
+"""Height of the object's lowest parts over a plane from which it stands on another, of its extent.
+"""
+PARALLEL, LAYERS = 0.97, 2.0
+"""Cosine of planes that are parallel, and the distance of two layers of one, in their bands."""
+
+
+def find_planes(
+    points: Float[np.ndarray, "n 3"],
+    removed: Bool[np.ndarray, " n"],
+    axes: Float[np.ndarray, "n 3"],
+    weights: Float[np.ndarray, " n"],
+    eye: Float64[np.ndarray, "3"],
+) -> tuple[Plane, ...]:
+    """The planes around an object, the one it stands on first; `weights` of its surroundings.
+
+    `eye`, the middle of the cameras, is on their positive side; `axes` are the shortest axes, as
+    long as a Gaussian is flat.
+    """
+    extent = max(extent_of(points[removed]), SMALLEST * extent_of(points))
+    tolerance = TOLERANCE * extent
+    found = _supports(points, removed, weights, extent, eye)
+    left = np.flatnonzero((weights > 0) & ~removed)
+    left = left[~np.any([p.on(points[left]) for p in found], 0)] if found else left
+    random = np.random.default_rng(0)
+    total = weights[~removed].sum()
+    for _ in range(MOST_PLANES):
+        if len(left) <= 3:
+            break
+        asked = random.choice(left, VOTERS, p=weights[left] / weights[left].sum())
+        voters = points[asked].astype(np.float64)
+        voted = voted_plane(voters, tolerance, random)
+        if voted is None or voted[1] * weights[left].sum() < LEAST_SHARE * total:
+            break
+        plane = _layer(voted[0], BAND, tolerance, eye)
+        flat = axes[asked][plane.on(voters)]
+        if np.abs(flat @ plane.normal).sum() > ALONG * np.linalg.norm(flat, axis=1).sum():
+            _put(found, plane)  # else it cuts across surfaces
+        left = left[~plane.on(points[left])]
+    return tuple(found)
+
+
+def _layer(plane: Plane, thick: float, least: float, eye: Float64[np.ndarray, "3"]) -> Plane:
+    """A plane that faces an eye, with a band so many times as thick as it is rough."""
+    return replace(plane.facing(eye[None]), band=max(thick * plane.band, least))
+
+
+def _supports(
+    points: Float[np.ndarray, "n 3"],
+    removed: Bool[np.ndarray, " n"],
+    weights: Float[np.ndarray, " n"],
+    extent: float,
+    eye: Float64[np.ndarray, "3"],
+) -> list[Plane]:
+    """The plane that the object stands on; where it hovers over one, a nearer one below it."""
+    found, votes = [], weights.astype(np.float64)
+    for _ in range(2):
+        support = find_support(points, removed, votes) if votes.any() else None
+        if support is None:
+            break
+        plane = _layer(support, BAND, TOLERANCE * extent, eye)
+        lowest = float(np.quantile(support.heights(points[removed]), 0.03))
+        found.append((lowest, plane))
+        if lowest < HOVERS * extent:
+            break
+        votes = np.where(plane.on(points), 0.0, votes)
+    return [plane for _, plane in sorted(found, key=lambda each: each[0])[:1]]
+
+
+def _put(found: list[Plane], plane: Plane) -> None:
+    """Add a plane, or widen the one that it is another layer of: soil under grass."""
+    for index, one in enumerate(found):
+        apart = abs(plane.offset - one.offset)
+        if one.normal @ plane.normal > PARALLEL and apart < LAYERS * (one.band + plane.band):
+            found[index] = replace(one, band=max(one.band, apart + plane.band))
+            return
+    found.append(plane)

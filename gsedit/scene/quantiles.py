@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
 from jaxtyping import Float
 from torch import Tensor
 
@@ -20,7 +19,7 @@ def weighted_quantile(
     return ordered.gather(0, at[None])[0]
 
 
-def extent_of(points: Float[np.ndarray, "n 3"]) -> float:
-    """The diagonal of the box that holds all but the outermost 2 % of the points."""
-    low, high = np.quantile(points, (0.02, 0.98), axis=0)
-    return float(np.linalg.norm(high - low))
+def ends(values: Float[Tensor, "n d"], tail: float) -> Float[Tensor, "2 d"]:
+    """Begin and end of each column without a share of the values beyond either: stray ones."""
+    last = len(values) - 1
+    return values.sort(0).values[[int(tail * last), int((1 - tail) * last)]]

@@ -15,9 +15,8 @@ from jaxtyping import Float
 from torch import Tensor
 
 from gsedit.datasets.dataset import evenly_spaced
-from gsedit.light.color_change import step
 from gsedit.light.present import Survey
-from gsedit.light.relight import sky_share
+from gsedit.light.relight import sky_share, step
 from gsedit.scene.color_space import LUMINANCE, lab_of_srgb, linear_of_srgb
 from gsedit.scene.picture import render_picture
 from gsedit.select.region import lift

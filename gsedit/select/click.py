@@ -16,8 +16,9 @@ from jaxtyping import Bool, Float, Float64, Int
 from scipy.ndimage import distance_transform_edt
 from torch import Tensor
 
-from gsedit.errors import UsageError
-from gsedit.scene.quantiles import extent_of, weighted_quantile
+from gsedit.errors import Said, UsageError
+from gsedit.scene.neighbors import extent_of
+from gsedit.scene.quantiles import weighted_quantile
 from gsedit.select.layers import level_patches
 from gsedit.select.parts import parts
 from gsedit.select.region import Region, cut_out
@@ -280,9 +281,8 @@ class Selector:
         label = int(self._by_label(weights).argmax())
         kind = self._found.rows[label].kind
         if kind in ("background", "sky"):
-            raise UsageError(
-                f"the click is on the {kind}: click on an object, or say --phrase 'the {kind}'"
-            )
+            what = f"the click is on the {kind}: click on an object"
+            raise UsageError(Said(what, "select-kind", kind=kind))
         return label
 
     def _by_label(self, weights: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " s"]:

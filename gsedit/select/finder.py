@@ -24,7 +24,7 @@ from torch import Tensor
 
 from gsedit.cameras.around import find_viewpoints
 from gsedit.datasets.viewpoints import Viewpoint, view_named
-from gsedit.errors import GseditError, UsageError
+from gsedit.errors import GseditError, Said, UsageError
 from gsedit.formats.flags import read_flags
 from gsedit.runs.state import digest_of
 from gsedit.scene.merging.groups import MergedScene
@@ -249,10 +249,8 @@ def _empty(text: str, scene: Gaussians) -> UsageError:
         ", ".join(f"{x:.4g}" for x in corner.tolist())
         for corner in (scene.means.amin(0), scene.means.amax(0))
     )
-    return UsageError(
-        f"region {text} holds no Gaussian of the scene, whose centers are from ({low}) to "
-        f"({high}): look at it with gsedit render SCENE --region ..."
-    )
+    what = f"region {text} holds no Gaussian of the scene, whose centers are from"
+    return UsageError(Said(f"{what} ({low}) to ({high})", "look-region"))
 
 
 Found = TypeVar("Found", Region, Segments)

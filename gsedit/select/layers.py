@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float64, Int
 from scipy.spatial import ConvexHull, QhullError
 
 from gsedit.scene.neighbors import linked
-from gsedit.scene.planes import planes_through, refined_plane
+from gsedit.scene.planes import VOTERS, Plane, voted_plane
 from gsedit.select.surfaces import Surfaces
 
 LEVEL = cos(radians(30))
@@ -40,10 +40,6 @@ FACING = cos(radians(25))
 """Least cosine between the normal of a wall and those of its Gaussians."""
 WALLS = 6
 """Most walls, and a ceiling."""
-WALL_TRIPLES = 300
-"""Planes that are tried for each."""
-WALL_POINTS = 4000
-"""Points that vote for a wall."""
 WALL_SIZE = 0.5
 """Least width of a wall, of the radius of the place: its standard deviations times 3.5."""
 WALL_SHARE = 0.08
@@ -160,7 +156,7 @@ def walls(surfaces: Surfaces, among: Bool[np.ndarray, " n"]) -> list[Int[np.ndar
         if len(rows) < LEAST_ROWS or not surfaces.areas[rows].sum():
             break
         share = surfaces.areas[rows] / surfaces.areas[rows].sum()
-        voters = random.choice(rows, WALL_POINTS, p=share)
+        voters = random.choice(rows, VOTERS, p=share)
         plane = _best_wall(surfaces, voters, tolerance, random)
         if plane is None:
             break
@@ -180,33 +176,27 @@ def _best_wall(
     voters: Int[np.ndarray, " v"],
     tolerance: float,
     random: np.random.Generator,
-) -> tuple[Float64[np.ndarray, "3"], float] | None:
-    """The steep or hanging plane with most voters, as its unit normal and offset."""
-    a, b, c = surfaces.points[voters[random.integers(len(voters), size=(3, WALL_TRIPLES))]]
-    normals, offsets = planes_through(a, b, c)
-    steep = np.abs(normals @ surfaces.up)
-    keep = (steep < 0.3) | (steep > LEVEL)
-    normals, offsets = normals[keep], offsets[keep]
-    if not len(normals):
-        return None
-    points, facing = surfaces.points[voters], surfaces.normals[voters]
-    on = (np.abs(points @ normals.T - offsets) < tolerance) & (np.abs(facing @ normals.T) > FACING)
-    best = int(on.sum(0).argmax())
-    if on[:, best].sum() < 3:
-        return None
-    return refined_plane(points[on[:, best]], normals[best], float(offsets[best]), tolerance)
+) -> Plane | None:
+    """The steep or hanging plane with most voters that face along it."""
+
+    def votes(normals: np.ndarray, offsets: np.ndarray, on: np.ndarray) -> np.ndarray:
+        rise = np.abs(normals @ surfaces.up)
+        facing = np.abs(surfaces.normals[voters] @ normals.T) > FACING
+        return np.where((rise < 0.3) | (rise > LEVEL), (on & facing).mean(0), 0.0)
+
+    found = voted_plane(surfaces.points[voters], tolerance, random, votes)
+    return None if found is None else found[0]
 
 
 def _on_plane(
     surfaces: Surfaces,
     rows: Int[np.ndarray, " m"],
-    plane: tuple[Float64[np.ndarray, "3"], float],
+    plane: Plane,
     tolerance: float,
 ) -> Bool[np.ndarray, " m"]:
     """Flag the rows that are on a plane and face along its normal, either way."""
-    normal, offset = plane
-    near = np.abs(surfaces.points[rows] @ normal - offset) < tolerance
-    return near & (np.abs(surfaces.normals[rows] @ normal) > FACING)
+    near = np.abs(plane.heights(surfaces.points[rows])) < tolerance
+    return near & (np.abs(surfaces.normals[rows] @ plane.normal) > FACING)
 
 
 def _wall(

@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Bool
 from torch import Tensor
 
-from gsedit.errors import UsageError
+from gsedit.errors import Said, UsageError
 from gsedit.select.masked import MaskProvider, find_masked
 from gsedit.select.region import Region
 from gsedit.select.segment import Segment, Segments, segment
@@ -306,10 +306,8 @@ class _Finder:
         if query.bare and not query.plural and not query.place:
             return self._main(query)
         if query.bare and query.unknown:
-            raise self._refusal(
-                f"which things are {' '.join(query.unknown)} cannot be known without a network "
-                "(--masks)"
-            )
+            what = f"which things are {' '.join(query.unknown)} cannot be known without a network"
+            raise self._refusal(what, move="objects-masks")
         return self._left_out(self._narrowed(query, rows), query)
 
     def _everything(self, query: Query) -> list[Segment]:
@@ -472,8 +470,10 @@ class _Finder:
             best = max(rows, key=lambda row: shares[row.number])
             chosen = best if shares[best.number] > OVERLAP else None
         if chosen is None:
-            why = f"what a {noun} is cannot be known without a network (--masks)" if noun else ""
-            raise self._refusal(why or "several things are there", rows)
+            if not noun:
+                raise self._refusal("several things are there", rows)
+            what = f"what a {noun} is cannot be known without a network"
+            raise self._refusal(what, rows, "objects-masks")
         if noun:
             self.notes.setdefault(f"'{noun}' was taken for the main subject")
         return self._left_out([chosen], query)
@@ -489,13 +489,17 @@ class _Finder:
         view = self.segments.view + 1
         self.notes.setdefault(f"left, right, front and back as view {view} sees them")
 
-    def _refusal(self, why: str, among: Sequence[Segment] = ()) -> UsageError:
+    def _refusal(
+        self, why: str, among: Sequence[Segment] = (), move: str = "objects"
+    ) -> UsageError:
         """The error for a phrase, with what there is."""
         rows = list(among) or [row for row in self.segments.rows if row.kind != "background"]
         return UsageError(
-            f"'{self.phrase}': {why}; {'these are' if among else 'there is'} "
-            f"{self.told([row.number for row in rows])}. {SAYABLE[0].upper()}{SAYABLE[1:]}; see "
-            "them with gsedit select SCENE --objects"
+            Said(
+                f"'{self.phrase}': {why}; {'these are' if among else 'there is'} "
+                f"{self.told([row.number for row in rows])}. {SAYABLE[0].upper()}{SAYABLE[1:]}",
+                move,
+            )
         )
 
 

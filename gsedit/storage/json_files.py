@@ -123,13 +123,13 @@ def text(longest: int = MAX_TEXT, *, empty: bool = False) -> Check:
     return check
 
 
-def list_of(each: Check, least: int = 0) -> Check:
-    """A check for a list of at least so many values; returns what `each` returns, as a list."""
+def list_of(each: Check, least: int = 0, most: float | int = inf) -> Check:
+    """A check for a list of `least` to `most` values; returns what `each` returns, as a list."""
 
     def check(value: Any, place: str) -> list[Any]:
-        if not isinstance(value, list) or len(value) < least:
+        if not isinstance(value, list) or not least <= len(value) <= most:
             what = f"{place or 'the file'} is no list"
-            raise Misfit(what + f" of {least} or more" * (least > 0))
+            raise Misfit(what + f" of {least} to {most} values".replace(" to inf", " or more"))
         return [each(one, f"{place}[{i}]") for i, one in enumerate(value)]
 
     return check

@@ -97,6 +97,21 @@ def rows_near(means: Float[Tensor, "n 3"]) -> Int[Tensor, "n k"]:
     return torch.from_numpy(nearest(means.float().cpu().numpy())[1])
 
 
+def neighbor_means(
+    values: Float[Tensor, "n ..."], rows: Int[Tensor, "n k"], rounds: int
+) -> Float[Tensor, "n ..."]:
+    """Means of values over each point and its nearest, `rounds` times one after the other."""
+    for _ in range(rounds):
+        values = (values + values[rows].sum(1)) / (1 + rows.shape[1])
+    return values
+
+
+def visible_area(scene: Gaussians) -> Float[Tensor, " n"]:
+    """Opacity times the area of the largest face, float64: how much of a picture each may fill."""
+    area = scene.log_scales.double().sort(-1).values[:, 1:].sum(-1).exp()
+    return scene.opacities.double() * area
+
+
 def shortest_axes(scene: Gaussians) -> Float[Tensor, "n 3"]:
     """The shortest axes of either sign; their length is 1 - shortest / middle standard deviation,
     how flat a Gaussian is: a ball or a needle says nothing of a surface."""
@@ -113,11 +128,10 @@ def facing(axes: Float[Tensor, "n 3"], scene: Gaussians, camera: Camera) -> Floa
     return axes * _sign((axes * towards).sum(-1, keepdim=True))
 
 
-def normals_of_depth(
-    camera: Camera, depth: Float[Tensor, "h w"], step: int = DEPTH_STEP
-) -> Float[Tensor, "h w 3"]:
+def normals_of_depth(camera: Camera, depth: Float[Tensor, "h w"]) -> Float[Tensor, "h w 3"]:
     """Unit normals of a depth map, towards the camera; 0 at silhouettes, borders and where depth
-    is 0. Differences are taken over `step` pixels on either side."""
+    is 0. Differences are taken over DEPTH_STEP pixels on either side."""
+    step = DEPTH_STEP
     points = camera.unproject(camera.pixel_centers(), depth.double())
     normals = torch.zeros_like(points)
     if min(depth.shape) <= 2 * step:

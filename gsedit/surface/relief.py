@@ -13,8 +13,9 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from gsedit.cameras.orbit import perpendicular
-from rasterizer.camera import Camera, look_at
+from gsedit.cameras.orbit import parallel, perpendicular
+from gsedit.scene.quantiles import ends
+from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
@@ -143,18 +144,11 @@ def relief_of(
     across = perpendicular(axis)
     along = torch.linalg.cross(axis, across)
     frame = torch.stack((across, along, axis))
-    ends = (part.means.detach().double() @ frame.T).sort(0).values
-    low, high = ends[int(CUT * (len(ends) - 1))], ends[int((1 - CUT) * (len(ends) - 1))]
+    low, high = ends(part.means.detach().double() @ frame.T, CUT)
     center = ((low + high) / 2) @ frame
     reach = FAR * float((high - low).norm().clamp_min(pixel))
-    camera = look_at(center + reach * axis, center, across, 60.0, 8, 8)
-    right, down = camera.rotation.double()[0], camera.rotation.double()[1]
-    sides = [float((high - low) @ (frame @ way).abs()) for way in (right, down)]
-    width, height = (int(side / pixel) + 2 * MARGIN for side in sides)
-    camera = replace(
-        camera, fx=1 / pixel, fy=1 / pixel, cx=width / 2, cy=height / 2, width=width,
-        height=height, model="ortho", near=1e-3 * reach,
-    )  # fmt: skip
+    height, width = (int(float(side) / pixel) + 2 * MARGIN for side in (high - low)[:2])
+    camera = parallel(center, axis, across, pixel, (width, height), reach)
     plain = replace(part, sh=part.sh[:, :1]).detach()
     drawn = render(plain, camera, depth=True, median_depth=True, execution=execution)
     median, mean = drawn.median_depth, drawn.depth

@@ -2,8 +2,11 @@
 
 Six pictures from the middle of the subject, without it, make a map. Directions that nothing was
 seen in are filled smoothly from those around them; light that pictures clip is estimated above 1;
-where there is nothing at all, a photographer's studio stands in. `n` Gaussians, `h w` cells of a
-map (gsedit.surface.directions).
+where there is nothing at all, a photographer's studio stands in. The subject's old shading was made
+by that light: it tells how bright it is where pictures are clipped or blind.
+
+A map has `h w` cells by polar angle from +z and azimuth from +x; their centers lie at half steps,
+rows go from +z down, columns once around. `n` Gaussians, `m` of them the subject's; `d` directions.
 """
 
 from __future__ import annotations
@@ -13,24 +16,81 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import pi
 
+import numpy as np
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Float64
 from torch import Tensor
 
 from gsedit.scene.color_space import LUMINANCE, linear_of_srgb
 from gsedit.scene.framing import guess_up
-from gsedit.surface.directions import (
-    FAINT,
-    cell_areas,
-    cell_directions,
-    filtered,
-    halved,
-    look_up,
-)
+from gsedit.scene.quantiles import ends
 from rasterizer.camera import Camera, look_at
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
+
+FAINT = 1e-12
+"""Weight below which a mean is 0 by 0."""
+
+
+@lru_cache(8)
+def cell_directions(height: int) -> Float[Tensor, "h w 3"]:
+    """Unit vectors to the centers of the cells of a map with w = 2 h."""
+    polar = (torch.arange(height) + 0.5) * (pi / height)
+    azimuth = (torch.arange(2 * height) + 0.5) * (pi / height)
+    ring, z = polar.sin()[:, None], polar.cos()[:, None].expand(-1, 2 * height)
+    return torch.stack((ring * azimuth.cos(), ring * azimuth.sin(), z), -1)
+
+
+@lru_cache(8)
+def cell_areas(height: int) -> Float[Tensor, "h w"]:
+    """Solid angles of the cells of a map with w = 2 h, steradians: they sum to 4 pi."""
+    edges = (torch.arange(height + 1) * (pi / height)).cos()
+    return ((edges[:-1] - edges[1:]) * (pi / height))[:, None].expand(-1, 2 * height).clone()
+
+
+def look_up(
+    values: Float[Tensor, "h w c"], directions: Float[Tensor, "*n 3"]
+) -> Float[Tensor, "*n c"]:
+    """A map at unit directions, bilinear between cells; constant beyond the rows at the poles."""
+    h, w, channels = values.shape
+    flat = directions.reshape(-1, 3)
+    row = (torch.acos(flat[:, 2].clamp(-1, 1)) * (h / pi) - 0.5).clamp(0, h - 1)
+    column = torch.atan2(flat[:, 1], flat[:, 0]) * (w / (2 * pi)) - 0.5
+    top, left = row.floor().clamp_max(max(h - 2, 0)), column.floor()
+    down, right = (row - top)[:, None], (column - left)[:, None]
+    # once around is from -w / 2 to w / 2: remainders of integers would take half of the time
+    lefts = torch.where(left < 0, left + w, left).int()
+    rights = torch.where(lefts == w - 1, 0, lefts + 1)
+    first = top.int() * w
+    second = first + (w if h > 1 else 0)
+    cells = values.reshape(h * w, channels)
+    upper, lower = (
+        torch.lerp(cells.index_select(0, row + lefts), cells.index_select(0, row + rights), right)
+        for row in (first, second)
+    )
+    return torch.lerp(upper, lower, down).reshape(*directions.shape[:-1], channels)
+
+
+def halved(values: Float[Tensor, "h w c"], height: int) -> Float[Tensor, "g v c"]:
+    """The map with `height` rows, means by solid angle; its own number of rows is a multiple."""
+    h, w, channels = values.shape
+    step = h // height
+    weighted = torch.cat((values, torch.ones_like(values[..., :1])), -1)
+    weighted = weighted * cell_areas(h)[..., None].to(values)
+    sums = weighted.reshape(height, step, w // step, step, channels + 1).sum((1, 3))
+    return sums[..., :-1] / sums[..., -1:]
+
+
+def filtered(
+    values: Float[Tensor, "h w c"], kernel: Float[Tensor, "m m"], weights: Float[Tensor, "h w"]
+) -> Float[Tensor, "h w c"]:
+    """Means over all cells, by a kernel between cells and each cell's weight."""
+    h, w, channels = values.shape
+    by_cell = kernel * weights.reshape(1, -1)
+    total = by_cell.sum(1, keepdim=True).clamp_min(FAINT)
+    return ((by_cell @ values.reshape(h * w, channels)) / total).reshape(h, w, channels)
+
 
 ROWS = 64
 """Rows of a map: cells of 2.8 degrees, as fine as SH of degree 3 on small Gaussians can show."""
@@ -96,13 +156,13 @@ def find_surroundings(
     """
     center, radius = middle(scene, subject)
     near = NEAR_SHARE * radius
-    return surroundings_at(
+    return light_at(
         scene[~subject], center, near, guess_up(scene) if up is None else up, execution, cameras
     )
 
 
 @torch.no_grad()
-def surroundings_at(
+def light_at(
     scene: Gaussians,
     center: Float[Tensor, "3"],
     near: float,
@@ -127,13 +187,10 @@ def surroundings_at(
 def middle(scene: Gaussians, subject: Bool[Tensor, " n"]) -> tuple[Float[Tensor, "3"], float]:
     """Middle of the subject's bulk, and the distance within which nine tenths of it lie."""
     means = scene.means[subject]
-    low, high = (
-        torch.stack([axis[int(share * (len(axis) - 1))] for axis in means.sort(0).values.T])
-        for share in (0.03, 0.97)
-    )
+    low, high = ends(means, 0.03)
     center = (low + high) / 2
-    away = (means - center).norm(dim=-1).sort().values
-    return center, float(away[int(0.9 * (len(away) - 1))])
+    away = (means - center).norm(dim=-1)[:, None]
+    return center, float(ends(away, 0.1)[1, 0])
 
 
 def panorama(
@@ -201,12 +258,12 @@ def filled(
     return torch.lerp(around, radiance, seen[..., None])
 
 
-def unclipped(display: Float[Tensor, "*s 3"], gain: float = CLIPPED_GAIN) -> Float[Tensor, "*s 3"]:
-    """Linear light of display colors; where the brightest channel is clipped, `gain` times it."""
+def unclipped(display: Float[Tensor, "*s 3"]) -> Float[Tensor, "*s 3"]:
+    """Linear light of display colors, times CLIPPED_GAIN where the brightest channel is clipped."""
     linear = torch.from_numpy(linear_of_srgb(display.clamp(0, 1).double().numpy())).to(display)
     low, high = CLIPPED
     share = ((display.amax(-1, keepdim=True) - low) / (high - low)).clamp(0, 1)
-    return linear * (1 + (gain - 1) * share.square() * (3 - 2 * share))
+    return linear * (1 + (CLIPPED_GAIN - 1) * share.square() * (3 - 2 * share))
 
 
 def studio(center: Float[Tensor, "3"], up: Float[Tensor, "3"]) -> Surroundings:
@@ -315,3 +372,81 @@ def _lobe(roughness: float) -> Float[Tensor, "m m"]:
     alpha, cosine = max(roughness, 1e-3) ** 2, _cosines()
     spread = (1 + cosine) * ((alpha**2 - 1) / 2) + 1  # the squared cosine of half the angle
     return alpha**2 / spread.square() * cosine.clamp_min(0)
+
+
+SAMPLES = 2000
+"""Gaussians that the factors are fitted to: those that fill the pictures most."""
+PATCHES = 60.0
+"""Patches of paint that differ by chance, as many as the samples count for together."""
+PAINT = 0.3
+"""Their standard deviation, as a share of the mean."""
+ALBEDOS = np.geomspace(0.08, 0.8, 10)
+USUAL_ALBEDO, ALBEDO_SPREAD = 0.35, 0.5
+"""Albedo of things, and the standard deviation of its logarithm."""
+STIFF, LOOSE = 12.0, 0.5
+"""Weight of a factor's squared distance from 1 where the panorama was seen, and where it was not
+or is clipped."""
+LARGEST = 8.0
+"""Largest factor of a direction."""
+SHARPNESS = 20.0
+"""Sharpness of a direction's factor over the panorama: half at 15 degrees."""
+
+
+def as_shaded(
+    surroundings: Surroundings,
+    color: Float[Tensor, "m 3"],
+    share: Float[Tensor, "m d"],
+    weight: Float[Tensor, " m"],
+    directions: Float[Tensor, "d 3"],
+) -> Surroundings | None:
+    """The surroundings with the light that best explains the subject's shading, in the channel that
+    its paint sends most of: a deep red is no dark grey.
+
+    `color` is linear light that each Gaussian sent to the cameras before, `share` the weight of
+    each direction in what it receives, 1 in all where nothing is hidden, and `weight` how much it
+    counts. None where it is brighter than the lightest paint would be, as on a dark tile with
+    nothing around.
+    """
+    luminance = torch.from_numpy(LUMINANCE).to(directions)
+    light = look_up(surroundings.radiance, directions) @ luminance
+    most = ALBEDOS[-1] * (share @ light)
+    if float(((color @ luminance - most) * weight).sum()) > 0:
+        return None
+    rows = weight.argsort(descending=True, stable=True)[:SAMPLES]
+    clipped = ((light - 0.6) / (0.5 * CLIPPED_GAIN)).clamp(0, 1)
+    seen = look_up(surroundings.seen[..., None], directions)[:, 0] * (1 - clipped)
+    stiff = (LOOSE + (STIFF - LOOSE) * seen).double().numpy()
+    design = (share * light)[rows].double().numpy()
+    factors = _factors(design, color.amax(-1)[rows].double().numpy(), stiff)
+    cells = cell_directions(len(surroundings.radiance)).to(directions)
+    near = torch.exp(SHARPNESS * (cells @ directions.T - 1))
+    smooth = (near @ torch.from_numpy(factors).to(near)) / near.sum(-1)
+    return replace(surroundings, radiance=surroundings.radiance * smooth[..., None])
+
+
+def light_near(
+    design: Float64[np.ndarray, "m d"],
+    shown: Float64[np.ndarray, " m"],
+    usual: Float64[np.ndarray, " d"] | float,
+    pull: Float64[np.ndarray, " d"],
+) -> tuple[Float64[np.ndarray, " d"], float]:
+    """Strengths of light from directions, at least 0, that explain what surfaces show, near usual
+    ones by the `pull` of each; and the root of the squared error."""
+    from scipy.optimize import nnls
+
+    return nnls(np.concatenate((design, np.diag(pull))), np.concatenate((shown, pull * usual)))
+
+
+def _factors(design: np.ndarray, shown: np.ndarray, stiff: np.ndarray) -> np.ndarray:
+    """The factors of directions, at the albedo that makes them likeliest."""
+    count = np.sqrt(PATCHES / len(shown)) / (PAINT * max(float(shown.mean()), 1e-4))
+    best, least = np.ones(design.shape[1]), np.inf
+    # errors within the design's column space, as small a system; the rest is the same for all
+    basis, design = np.linalg.qr(design)
+    shown = basis.T @ shown
+    for albedo in ALBEDOS:
+        factors, error = light_near(count * albedo * design, count * shown, 1.0, np.sqrt(stiff))
+        cost = error**2 + (np.log(albedo / USUAL_ALBEDO) / ALBEDO_SPREAD) ** 2
+        if cost < least:
+            best, least = factors, cost
+    return best.clip(0, LARGEST)

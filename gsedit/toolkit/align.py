@@ -14,13 +14,12 @@ from gsedit.formats.streams import SceneHeader
 from gsedit.formats.usd.units import rescaled
 from gsedit.scene.planes import planes_through, refined_plane
 from gsedit.scene.quaternions import AXES, quaternion_of, turn_between
-from gsedit.scene.similarity import Similarity
+from gsedit.scene.similarity import IDENTITY, Similarity
 from gsedit.scene.table import SplatTable, gaussians_of
-from gsedit.toolkit.operation import Say
-from gsedit.toolkit.order import importance
-from gsedit.toolkit.registration import has_descriptors, register
-from gsedit.toolkit.steps import scale
-from gsedit.toolkit.transform import Placing
+from gsedit.toolkit.decimate import importance
+from gsedit.toolkit.operation import Say, Whole
+from gsedit.toolkit.registration import register
+from gsedit.toolkit.transform import scale
 
 SAMPLED_SPLATS = 20_000
 """Splats that are looked at, drawn by opacity times area."""
@@ -108,15 +107,23 @@ def _judge(
 
 
 @dataclass(frozen=True, eq=False)
-class Align(Placing):
+class Align(Whole):
     """An operation that finds where the scene is to go, and moves it there."""
 
+    cameras: bool = field(default=False, kw_only=True)
+    """Whether the cameras beside the scene's file are to move along."""
+    found: list[Similarity] = field(default_factory=list, repr=False, kw_only=True)
     save: Path | None = field(default=None, kw_only=True)
     """The .json to write the similarity to."""
 
     @property
     def moves(self) -> bool:
         return True
+
+    @property
+    def moved(self) -> Similarity:
+        """The similarity that was applied to the scene; known after the work."""
+        return self.found[-1] if self.found else IDENTITY
 
     def apply(self, table: SplatTable, say: Say) -> SplatTable:
         similarity = self.find(table, say)
@@ -172,8 +179,6 @@ class AlignTo(Align):
         return rescaled(header, None)
 
     def find(self, table: SplatTable, say: Say) -> Similarity:
-        if not has_descriptors():
-            say("Open3D is not there, so there are fewer first guesses: pip install 'gsedit[mesh]'")
         match = register(table, self.other)
         say(
             f"{100 * match.overlap:.0f} % of its splats lie on the other scene, "

@@ -2,29 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from jaxtyping import Int64
 
-from gsedit.formats.streams import SceneSource, gather
+from gsedit.formats.streams import SceneSource
 from gsedit.formats.validity import invalid_rows
-from gsedit.scene.table import SPLAT_FIELDS, SplatTable
+from gsedit.scene.table import concatenate_tables
 from gsedit.toolkit.defects import (
     DEFECTS,
     DUPLICATE,
     INVALID,
     INVISIBLE,
+    REASONS,
+    USUAL,
     Defect,
+    Limits,
+    find_defects,
     fingerprints,
     invalid,
     invisible,
     repeated,
 )
-from gsedit.toolkit.find_defects import REASONS, USUAL, Limits, find_defects
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,67 +60,38 @@ def check(source: SceneSource, limits: Limits = USUAL, *, quick: bool = False) -
     `quick` leaves out those that depend on a Gaussian's neighbors; the file may then be larger
     than memory. Otherwise 64 bytes a Gaussian and the search tree are held.
     """
-    scan = _Scan(limits)
-    if quick:
-        for _ in scan.blocks(source):
-            pass
-        whole = None
-    else:
-        flat = source.header.replace(degree=0, extra={})
-        whole = gather(scan.blocks(source), flat, source.count)
-    rows = {name: _joined(parts) for name, parts in scan.rows.items()}
-    if limits.duplicates:
-        rows[DUPLICATE.name] = np.flatnonzero(repeated(_joined(scan.keys)))
-    if whole is not None:
+    parts: dict[str, list[np.ndarray]] = {defect.name: [] for defect in INVALID}
+    parts |= {} if limits.invisible is None else {INVISIBLE.name: []}
+    keys, flat = [], []
+    count = refused = 0
+    for block in source.blocks():
+        bad = invalid_rows(block)
+        refused += int(bad.sum())
+        found = invalid(block) if bad.any() else {}
+        if limits.invisible is not None:
+            found[INVISIBLE.name] = invisible(block, limits.invisible) & ~bad
+        for name, some in found.items():
+            parts[name].append(count + np.flatnonzero(some))
+        if limits.duplicates:
+            keys.append(fingerprints(block))
+        if not quick:
+            flat.append(block.replace(sh=block.sh[:, :1].copy(), extra={}))
+        count += len(block)
+    none = np.zeros(0, np.int64)
+    rows = {name: np.concatenate([none, *some]) for name, some in parts.items()}
+    if keys:
+        rows[DUPLICATE.name] = np.flatnonzero(repeated(np.concatenate(keys)))
+    if flat:
         # what single rows show is known already, and does not count as a neighbor
-        known = np.zeros(scan.count, bool)
-        known[np.concatenate([np.zeros(0, np.int64), *rows.values()])] = True
+        known = np.zeros(count, bool)
+        known[np.concatenate([none, *rows.values()])] = True
         left = np.flatnonzero(~known)
-        why = find_defects(
-            whole[left], Limits(None, limits.giant, limits.floater, limits.needle, False)
-        )
-        for number, name in enumerate(REASONS):
-            if name not in rows:
-                rows[name] = left[why == number]
-    found = [
-        Found(defect, rows[defect.name])
-        for defect in (*INVALID, *DEFECTS)
-        if len(rows.get(defect.name, ()))
-    ]
-    return Report(scan.count, scan.refused, tuple(found))
-
-
-class _Scan:
-    """Counts of defects that single rows show, gathered block by block."""
-
-    def __init__(self, limits: Limits) -> None:
-        self.limits = limits
-        self.count = self.refused = 0
-        names = [defect.name for defect in INVALID]
-        names += [INVISIBLE.name] if limits.invisible is not None else []
-        self.rows: dict[str, list[np.ndarray]] = {name: [] for name in names}
-        self.keys: list[np.ndarray] = []
-
-    def blocks(self, source: SceneSource) -> Iterator[SplatTable]:
-        """The rows of the file without view-dependent color and other columns."""
-        for block in source.blocks():
-            bad = invalid_rows(block)
-            self.refused += int(bad.sum())
-            if bad.any():
-                for name, rows in invalid(block).items():
-                    self.rows[name].append(self.count + np.flatnonzero(rows))
-            if self.limits.invisible is not None:
-                faint = invisible(block, self.limits.invisible) & ~bad
-                self.rows[INVISIBLE.name].append(self.count + np.flatnonzero(faint))
-            if self.limits.duplicates:
-                self.keys.append(fingerprints(block))
-            self.count += len(block)
-            fields = {name: getattr(block, name) for name in SPLAT_FIELDS}
-            yield SplatTable(**{**fields, "sh": block.sh[:, :1]})
-
-
-def _joined(parts: list[np.ndarray]) -> np.ndarray:
-    return np.concatenate(parts) if parts else np.zeros(0, np.int64)
+        others = replace(limits, invisible=None, duplicates=False)
+        why = find_defects(concatenate_tables(flat)[left], others)
+        more = {name: left[why == number] for number, name in enumerate(REASONS)}
+        rows = {**more, **rows}
+    named = [(each, rows.get(each.name, none)) for each in (*INVALID, *DEFECTS)]
+    return Report(count, refused, tuple(Found(*each) for each in named if len(each[1])))
 
 
 ROWS_IN_A_LINE = 5

@@ -12,8 +12,7 @@ from gsedit.scene.shapes import Bool
 from gsedit.scene.table import SplatTable, table_of
 from gsedit.select.rules import Selection
 from gsedit.select.where import questions, where
-from gsedit.toolkit.on_selection import OnSelection
-from gsedit.toolkit.operation import Say, Scene, apply
+from gsedit.toolkit.operation import OnSelection, Say, Scene, apply
 
 if TYPE_CHECKING:
     from gsedit.select.finder import Finder

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
 
+import numpy as np
+
 from gsedit.errors import UsageError
 from gsedit.formats.streams import Blocks, SceneHeader, gather, header_of, in_blocks
+from gsedit.scene.shapes import Bool
 from gsedit.scene.table import SplatTable, gaussians_of, table_of
-from gsedit.select.rules import saved_flags
+from gsedit.select.rules import EVERYTHING, Selection, given, saved_flags
 
 Say = Callable[[str], None]
 """Receives what an operation has to tell a person: one sentence, without the name of a file."""
@@ -25,8 +28,8 @@ def silent(text: str) -> None:
 
 
 @dataclass(frozen=True)
-class Operation(ABC):
-    """A change of a scene. `Rowwise` and `Whole` are the two kinds."""
+class Operation:
+    """A change of a scene: of its rows by `apply`, or by `blocks` where that is not enough."""
 
     removes: ClassVar[bool] = False
     """Whether it can leave out rows: then how many were kept is told."""
@@ -38,6 +41,12 @@ class Operation(ABC):
         """Whether the whole scene goes elsewhere, so that its cameras do not fit it any more."""
         return False
 
+    @property
+    def whole(self) -> bool:
+        """Whether `apply` must be given all rows at once, so that the scene is in memory; else it
+        works on files larger than memory."""
+        return False
+
     def header(self, header: SceneHeader) -> SceneHeader:
         """Header of the result (SH degree, columns, ...) for the header of the input."""
         return header
@@ -46,33 +55,63 @@ class Operation(ABC):
         """The operation on the scene of this file, of which only rows were removed before."""
         return self
 
-    @abstractmethod
+    def apply(self, table: SplatTable, say: Say) -> SplatTable:
+        """Some rows afterwards. Does not write into the arrays of `table`."""
+        raise NotImplementedError
+
     def blocks(self, blocks: Blocks, header: SceneHeader, say: Say) -> Blocks:
         """The rows afterwards. `header` is the one before; `say` may be called until the end."""
-
-
-@dataclass(frozen=True)
-class Rowwise(Operation):
-    """An operation that needs to see no other row: it works on files larger than memory."""
-
-    @abstractmethod
-    def apply(self, table: SplatTable) -> SplatTable:
-        """Some rows afterwards. Does not write into the arrays of `table`."""
-
-    def blocks(self, blocks: Blocks, header: SceneHeader, say: Say) -> Blocks:
-        return map(self.apply, blocks)
+        if self.whole:
+            blocks = iter([gather(blocks, header, 0)])
+        for table in blocks:
+            yield from in_blocks(self.apply(table, say))
 
 
 @dataclass(frozen=True)
 class Whole(Operation):
     """An operation that needs the whole scene in memory."""
 
-    @abstractmethod
-    def apply(self, table: SplatTable, say: Say) -> SplatTable:
-        """All rows afterwards. Does not write into the arrays of `table`."""
+    @property
+    def whole(self) -> bool:
+        return True
 
-    def blocks(self, blocks: Blocks, header: SceneHeader, say: Say) -> Blocks:
-        yield from in_blocks(self.apply(gather(blocks, header, 0), say))
+
+@dataclass(frozen=True)
+class OnSelection(Operation):
+    """An operation that treats the selected rows of a scene in one way and the others in another.
+
+    It is given parts of a scene unless the selection needs to see all.
+    """
+
+    selection: Selection = field(default=EVERYTHING, kw_only=True)
+
+    @property
+    def whole(self) -> bool:
+        return self.selection.whole
+
+    @abstractmethod
+    def change(self, table: SplatTable, inside: Bool[np.ndarray, " n"]) -> SplatTable:
+        """Rows afterwards; `inside` tells which are selected. Does not write into `table`."""
+
+    def apply(self, table: SplatTable, say: Say) -> SplatTable:
+        return self.change(table, self.selection.mask(table))
+
+
+@dataclass(frozen=True)
+class OnOnePart(Operation):
+    """Operations that keep all rows, one after the other, on what is selected before the first."""
+
+    operations: tuple[Any, ...]
+    """Each with a field `selection`, which is replaced."""
+    selection: Selection
+
+    @property
+    def whole(self) -> bool:
+        return self.selection.whole or any(each.whole for each in self.operations)
+
+    def apply(self, table: SplatTable, say: Say) -> SplatTable:
+        inside = given(self.selection.mask(table))
+        return apply(table, *(replace(each, selection=inside) for each in self.operations), say=say)
 
 
 @dataclass

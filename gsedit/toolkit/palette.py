@@ -1,4 +1,8 @@
-"""The palette of a picture for the colors of a scene."""
+"""The palette of a picture for a scene, by sliced optimal transport: a map that gives one set of
+colors the distribution of another.
+
+`n` colors of a scene with weights, `m` colors of a picture, `k` quantiles.
+"""
 
 from __future__ import annotations
 
@@ -6,15 +10,123 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float32
+from jaxtyping import Float, Float32
 
 from gsedit.errors import InputError, UsageError
+from gsedit.scene.color_space import lab_of_srgb, srgb_of_lab
 from gsedit.scene.table import SplatTable
 from gsedit.select.rules import EVERYTHING, Selection
 from gsedit.toolkit.color_maps import as_table
-from gsedit.toolkit.color_transfer import color_transport, sliced_distance
 from gsedit.toolkit.operation import Say, Whole
 from gsedit.toolkit.recolor import recolored
+
+ROTATIONS = 24
+"""Steps of the transport, each along three axes."""
+QUANTILES = 64
+"""Quantiles of a step along one axis; between them the map is straight."""
+DIRECTIONS = 64
+"""Random directions along which a distance of colors is measured."""
+TIES = 1e-9
+"""Lab, between quantiles that are equal: knots must rise."""
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """Transport along three orthogonal axes at once."""
+
+    axes: Float[np.ndarray, "3 3"]
+    """A row an axis."""
+    before: Float[np.ndarray, "3 k"]
+    """Quantiles before the step, increasing along each axis."""
+    after: Float[np.ndarray, "3 k"]
+    """Quantiles after the step, one for each of `before`."""
+
+    def __call__(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+        along = points @ self.axes.T
+        moved = [_continued(*each) for each in zip(along.T, self.before, self.after)]
+        return points + (np.stack(moved, -1) - along) @ self.axes
+
+
+@dataclass(frozen=True, eq=False)
+class ColorTransport:
+    """A map of display colors: steps in Lab, of which `strength` is done."""
+
+    steps: tuple[Step, ...]
+    strength: float = 1.0
+
+    def __call__(self, srgb: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+        """sRGB to sRGB, both clipped to [0, 1]."""
+        lab = start = lab_of_srgb(np.clip(np.asarray(srgb, np.float64), 0, 1))
+        for step in self.steps:
+            lab = step(lab)
+        moved = start + self.strength * (lab - start)
+        return np.clip(srgb_of_lab(moved), 0, 1)
+
+
+def color_transport(
+    source: Float[np.ndarray, "n 3"],
+    weights: Float[np.ndarray, " n"],
+    target: Float[np.ndarray, "m 3"],
+    strength: float = 1.0,
+) -> ColorTransport:
+    """The map of `source` colors, of these weights, to those of a picture; all sRGB.
+
+    Iterative distribution transfer (Pitie et al. 2007), which descends the sliced Wasserstein
+    distance (Rabin et al. 2011): along random axes, quantiles are moved to quantiles.
+    """
+    generator = np.random.default_rng(0)
+    points, goal = lab_of_srgb(np.clip(source, 0, 1)), lab_of_srgb(target)
+    steps = []
+    for _ in range(ROTATIONS):
+        axes = np.linalg.qr(generator.standard_normal((3, 3)))[0].T
+        before = np.stack([quantiles(p, weights) for p in (points @ axes.T).T])
+        after = np.stack([quantiles(p, np.ones(len(goal))) for p in (goal @ axes.T).T])
+        steps.append(Step(axes, before + TIES * np.arange(QUANTILES), after))
+        points = steps[-1](points)
+    return ColorTransport(tuple(steps), strength)
+
+
+def quantiles(
+    values: Float[np.ndarray, " n"], weights: Float[np.ndarray, " n"], count: int = QUANTILES
+) -> Float[np.ndarray, " k"]:
+    """Values below which the fractions 0.5/k, 1.5/k, ... of the weight lie; some weight is above
+    0."""
+    values, weights = values[weights > 0], weights[weights > 0]
+    order = np.argsort(values, kind="stable")
+    below = np.cumsum(weights[order])
+    middle = (below - weights[order] / 2) / below[-1]
+    return np.interp((np.arange(count) + 0.5) / count, middle, values[order])
+
+
+def _continued(
+    values: Float[np.ndarray, " n"], before: Float[np.ndarray, " k"], after: Float[np.ndarray, " k"]
+) -> Float[np.ndarray, " n"]:
+    """Straight pieces through the knots; beyond them, at their mean slope, or 1 if it is more."""
+    inside = np.clip(values, before[0], before[-1])
+    slope = min(1.0, np.ptp(after) / max(np.ptp(before), 1e-12))
+    return np.interp(inside, before, after) + slope * (values - inside)
+
+
+def sliced_distance(
+    a: Float[np.ndarray, "n 3"],
+    weights: Float[np.ndarray, " n"],
+    b: Float[np.ndarray, "m 3"],
+) -> float:
+    """Sliced Wasserstein-2 distance of two sets of sRGB colors, in units of Lab (a difference of
+    1 to 2 is just seen).
+
+    The root of the mean over random directions of the squared difference of 256 quantiles.
+    """
+    axes = np.random.default_rng(1).standard_normal((DIRECTIONS, 3))
+    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+    here, there = (lab_of_srgb(np.clip(each, 0, 1)) @ axes.T for each in (a, b))
+    even = np.ones(len(b))
+    squares = [
+        np.mean((quantiles(p, weights, 256) - quantiles(q, even, 256)) ** 2)
+        for p, q in zip(here.T, there.T)
+    ]
+    return float(np.sqrt(np.mean(squares)))
+
 
 PICTURE_SIZE = 256
 """Longer side that a picture is reduced to, pixels: its colors hardly change."""

@@ -15,8 +15,7 @@ from gsedit.select.rules import EVERYTHING, Selection
 from gsedit.toolkit.color_maps import ColorMap, mapped
 from gsedit.toolkit.filter import as_selection
 from gsedit.toolkit.grade import CurvePoints, Grade, curved
-from gsedit.toolkit.on_selection import OnSelection
-from gsedit.toolkit.operation import Scene, apply
+from gsedit.toolkit.operation import OnSelection, Scene, apply
 
 FAINTEST = 1e-6
 """Opacity that stands for 0, and its distance from 1 that stands for 1: logits stay finite."""

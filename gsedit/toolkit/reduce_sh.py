@@ -10,7 +10,7 @@ import numpy as np
 from gsedit.errors import UsageError
 from gsedit.formats.streams import Blocks, SceneHeader
 from gsedit.scene.table import SplatTable
-from gsedit.toolkit.operation import Rowwise, Say
+from gsedit.toolkit.operation import Operation, Say, silent
 
 
 @dataclass
@@ -46,7 +46,7 @@ class Lost:
 
 
 @dataclass(frozen=True)
-class ReduceSH(Rowwise):
+class ReduceSH(Operation):
     """Drop the bands above `degree`; a scene of that degree or less stays as it is."""
 
     degree: int
@@ -69,5 +69,5 @@ class ReduceSH(Rowwise):
             yield self.apply(block)
         say(str(lost))
 
-    def apply(self, table: SplatTable) -> SplatTable:
+    def apply(self, table: SplatTable, say: Say = silent) -> SplatTable:
         return table.replace(sh=table.sh[:, : (self.degree + 1) ** 2])

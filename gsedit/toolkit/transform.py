@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from jaxtyping import Bool, Float64
@@ -12,13 +12,101 @@ from jaxtyping import Bool, Float64
 from gsedit.errors import UsageError
 from gsedit.formats.streams import SceneHeader
 from gsedit.formats.usd.units import rescaled
-from gsedit.scene.similarity import IDENTITY, Similarity
+from gsedit.scene.quaternions import AXES, axis_rotation, rotation_of, turn_between
+from gsedit.scene.similarity import IDENTITY, Similarity, similarity_of
 from gsedit.scene.table import SPLAT_FIELDS, SplatTable, concatenate_tables
 from gsedit.select.rules import EVERYTHING, Selection
 from gsedit.toolkit.filter import as_selection
-from gsedit.toolkit.on_selection import OnSelection
-from gsedit.toolkit.operation import Say, Scene, Whole, apply
-from gsedit.toolkit.steps import compose, translate
+from gsedit.toolkit.operation import OnSelection, Say, Scene, apply
+
+
+def translate(offset: Sequence[float | int]) -> Similarity:
+    """Move by x, y, z, world units."""
+    return Similarity(np.eye(3), 1.0, _numbers("translate", offset, 3))
+
+
+def rotate(degrees: Sequence[float | int]) -> Similarity:
+    """Turn about the fixed axes, about x first, then y, then z: the matrix Rz Ry Rx; degrees."""
+    angles = _numbers("rotate", degrees, 3)
+    x, y, z = (axis_rotation(axis, angle) for axis, angle in zip(np.eye(3), angles.tolist()))
+    return turned(z @ y @ x)
+
+
+def rotate_axis(axis_degrees: Sequence[float | int]) -> Similarity:
+    """Turn about an axis ax, ay, az, right-handed, by degrees (the fourth number)."""
+    numbers = _numbers("rotate-axis", axis_degrees, 4)
+    return turned(axis_rotation(_direction("rotate-axis", numbers[:3]), float(numbers[3])))
+
+
+def quat(wxyz: Sequence[float | int]) -> Similarity:
+    """Turn by a quaternion w, x, y, z of any norm but zero."""
+    return turned(rotation_of(_direction("quat", _numbers("quat", wxyz, 4))))
+
+
+def scale(factor: float) -> Similarity:
+    """Scale by a positive factor."""
+    if not 0 < factor < np.inf:
+        raise UsageError(f"scale {factor}: give a positive number")
+    return Similarity(np.eye(3), float(factor), np.zeros(3))
+
+
+def mirror(axis: str) -> Similarity:
+    """Change the sign of x, y or z."""
+    if axis not in ("x", "y", "z"):
+        raise UsageError(f"mirror {axis}: x, y and z are possible")
+    return turned(np.eye(3) - 2 * np.diag(AXES[axis]))
+
+
+def up(axes: Sequence[str]) -> Similarity:
+    """Turn by the smallest rotation that takes the first axis to the second, as in z, -y."""
+    if len(axes) != 2 or not all(axis in AXES for axis in axes):
+        raise UsageError(
+            f"up {','.join(axes)}: give the axis that is up and the one it becomes, each of "
+            f"{', '.join(AXES)}, as in z,-y"
+        )
+    return turned(turn_between(*(AXES[axis] for axis in axes)))
+
+
+def matrix(numbers: Any) -> Similarity:
+    """A 4x4 or 3x4 matrix for column vectors."""
+    try:
+        return similarity_of(numbers)
+    except ValueError as error:
+        raise UsageError(f"matrix: {error}") from None
+
+
+STEPS: dict[str, Callable[[Any], Similarity]] = {
+    each.__name__: each
+    for each in (translate, rotate, rotate_axis, quat, scale, mirror, up, matrix)
+}
+
+
+def compose(steps: Iterable[tuple[str, Any]]) -> Similarity:
+    """The steps, one after the other; each is a name of STEPS with its value. Raises UsageError."""
+    whole = IDENTITY
+    for name, value in steps:
+        if name not in STEPS:
+            raise UsageError(f"{name} is no step of a transform: {', '.join(STEPS)} are")
+        whole = STEPS[name](value).after(whole)
+    return whole
+
+
+def turned(turn: Float64[np.ndarray, "3 3"]) -> Similarity:
+    """Similarity that only turns, about the origin."""
+    return Similarity(turn, 1.0, np.zeros(3))
+
+
+def _numbers(name: str, values: Sequence[float | int], count: int) -> Float64[np.ndarray, " count"]:
+    numbers = np.array(values, np.float64)
+    if numbers.shape != (count,) or not np.isfinite(numbers).all():
+        raise UsageError(f"{name} takes {count} finite numbers")
+    return numbers
+
+
+def _direction(name: str, numbers: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " n"]:
+    if not numbers.any():
+        raise UsageError(f"{name}: all zeros have no direction")
+    return numbers
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,63 +120,39 @@ class Transform(OnSelection):
     copy: bool = False
     cameras: bool = False
     """Whether the cameras beside the scene's file are to move along."""
-
-    @property
-    def moves(self) -> bool:
-        return self.selection is EVERYTHING and not self.copy
-
-    @property
-    def moved(self) -> Similarity:
-        """The similarity that is applied to the scene."""
-        return self.similarity
-
-    def header(self, header: SceneHeader) -> SceneHeader:
-        return rescaled(header, self.similarity.scale) if self.moves else header
-
-    def change(self, table: SplatTable, inside: Bool[np.ndarray, " n"]) -> SplatTable:
-        return moved_rows(table, self.similarity, inside, copy=self.copy)
-
-
-@dataclass(frozen=True, eq=False)
-class Placing(Whole):
-    """An operation that finds a similarity in the scene, and applies it to the scene."""
-
-    cameras: bool = field(default=False, kw_only=True)
-    """Whether the cameras beside the scene's file are to move along."""
+    center: Literal["origin", "pivot"] | None = None
+    """The median of the selected centers comes to the origin first, or takes its place."""
     found: list[Similarity] = field(default_factory=list, repr=False, kw_only=True)
 
     @property
-    def moved(self) -> Similarity:
-        """The similarity that was applied to the scene; known after the work."""
-        return self.found[-1] if self.found else IDENTITY
-
-
-@dataclass(frozen=True, eq=False)
-class TransformAboutCenter(Placing):
-    """Transform about the center of the selected Gaussians: the median of their centers."""
-
-    similarity: Similarity
-    to_origin: bool = False
-    """Leave the center at the origin instead of moving it back to its place."""
-    selection: Selection = EVERYTHING
-    copy: bool = False
+    def whole(self) -> bool:
+        return self.center is not None or super().whole
 
     @property
     def moves(self) -> bool:
         return self.selection is EVERYTHING and not self.copy
+
+    @property
+    def moved(self) -> Similarity:
+        """The similarity that is applied to the scene; about a center, known after the work."""
+        return self.found[-1] if self.found else self.similarity
 
     def header(self, header: SceneHeader) -> SceneHeader:
         return rescaled(header, self.similarity.scale) if self.moves else header
 
     def apply(self, table: SplatTable, say: Say) -> SplatTable:
         inside = self.selection.mask(table)
-        center = center_of(table.means[inside])
-        similarity = self.similarity.about(center)
-        if self.to_origin:
-            similarity = self.similarity.after(translate((-center).tolist()))
-        say(f"center at {', '.join(f'{c:.6g}' for c in center)}")
-        self.found.append(similarity)
-        return moved_rows(table, similarity, inside, copy=self.copy)
+        if self.center is not None:
+            center = center_of(table.means[inside])
+            say(f"center at {', '.join(f'{c:.6g}' for c in center)}")
+            if self.center == "pivot":
+                self.found.append(self.similarity.about(center))
+            else:
+                self.found.append(self.similarity.after(translate((-center).tolist())))
+        return self.change(table, inside)
+
+    def change(self, table: SplatTable, inside: Bool[np.ndarray, " n"]) -> SplatTable:
+        return moved_rows(table, self.moved, inside, copy=self.copy)
 
 
 def center_of(means: np.ndarray) -> Float64[np.ndarray, "3"]:
@@ -132,7 +196,7 @@ def transform_of(
     selection: Selection = EVERYTHING,
     copy: bool = False,
     cameras: bool = False,
-) -> Transform | TransformAboutCenter:
+) -> Transform:
     """The operation; `pivot` is a point or "center". Raises UsageError for what contradicts."""
     if center and pivot is not None:
         raise UsageError("center moves the scene to the origin, which is the pivot then: give one")
@@ -140,11 +204,10 @@ def transform_of(
         raise UsageError("cameras move with the whole scene only, not with a part or a copy")
     if isinstance(pivot, str) and pivot != "center":
         raise UsageError(f"pivot {pivot}: give x,y,z or center")
-    if center or isinstance(pivot, str):
-        return TransformAboutCenter(similarity, center, selection, copy, cameras=cameras)
-    if pivot is not None:
+    about = "origin" if center else "pivot" if isinstance(pivot, str) else None
+    if pivot is not None and not isinstance(pivot, str):
         similarity = similarity.about(translate(pivot).translation)
-    return Transform(similarity, copy, cameras, selection=selection)
+    return Transform(similarity, copy, cameras, about, selection=selection)
 
 
 def transform(
@@ -159,7 +222,7 @@ def transform(
 ) -> Scene:
     """The scene after a similarity and then the `steps`, in the order in which they are written.
 
-    Steps are the functions of gsedit.toolkit.steps, as in `transform(scene, rotate=(0, 90, 0),
+    Steps are the functions of gsedit.toolkit.transform, as in `transform(scene, rotate=(0, 90, 0),
     scale=2.0, translate=(1, 0, 0), mirror="x", up=("z", "-y"), quat=..., rotate_axis=...,
     matrix=...)`. `pivot` (a point, or "center") takes the place of the origin. `center` first
     moves the median of the centers to the origin. Only the selected rows move (a text is an

@@ -1,58 +1,43 @@
-"""Looks of the editor `small` that a sentence asks for: read first, and refused as it is read."""
+"""Looks of the editor `small` that a sentence asks for."""
 
 from __future__ import annotations
 
 from functools import lru_cache
 
+from gsedit.errors import Said, UsageError
 from gsedit.words.instruction import Change
-from gsedit.words.looks import Look
+from gsedit.words.looks import LOOKS, Look, look_of
 from gsedit.words.read import read_instruction
-from gsedit.words.small_looks import look_of
-from gsedit.words.understanding import ScoredLook, Understanding
 
-GUESSED = ("nonsense", "geometry")
-"""Kinds of refusal in whose place the nearest look may be guessed; nothing else that is refused
-may be."""
+KNOWN = f"small knows the looks {', '.join(LOOKS)}"
+"""End of a refusal: everything that may be asked for."""
 
 
 @lru_cache(64)
-def looks_asked(sentence: str) -> Understanding:
-    """Looks that a sentence asks for; not known, with the reason, where `small` has none for it.
+def looks_asked(sentence: str) -> tuple[Look, ...]:
+    """The looks that a sentence asks for, the subject's first.
 
-    Raises InputError where the files of the encoder are missing or damaged.
+    Raises UsageError for one that is refused as it is read, and where `small` has no look for it.
     """
     read = read_instruction(sentence)
-    if read.refusal in GUESSED:
-        from gsedit.words.reader import understand
-
-        return Understanding(understand(sentence).looks, False, read.why)
     if not read.known:
-        return Understanding((), False, read.why)
-    looks = [look_of(change) for change in read.changes]
-    for change, look in zip(read.changes, looks):
-        if why := _unfit(change, look):
-            return Understanding((), False, why)
-    known = [look for look in looks if look]
-    known.sort(key=lambda look: look.scope == "scene")
-    scored = dict.fromkeys(ScoredLook(look.name, 1.0) for look in known)
-    return Understanding(tuple(scored), True, str(read))
+        known = f". {KNOWN}" if read.refusal in ("nonsense", "geometry") else ""
+        raise UsageError(f"{sentence.strip()!r}: {read.why}{known}")
+    looks = dict.fromkeys(_look_for(change) for change in read.changes)
+    return tuple(sorted(looks, key=lambda look: look.scope == "scene"))
 
 
-def _unfit(change: Change, look: Look | None) -> str:
-    """Why a look of `small` does not do a change; "" where it does."""
+def _look_for(change: Change) -> Look:
+    """The look that does a change. Raises UsageError, with the next move, where none does."""
     if change.phrase not in ("", "it"):
-        return f"small does not know {change.phrase!r}: mark it with --region, and say 'it'"
+        raise UsageError(Said(f"small does not know {change.phrase!r}", "select"))
+    look = look_of(change)
     if look is None:
-        own = " gsedit does it without a 2D editor: leave the options of editors out."
         able = change.route not in ("small", "pix2pix")
-        return (
-            f"small has no look for {change} (gsedit list looks).{own * able} For any sentence: "
-            "--editor pix2pix --model FOLDER"
-        )
+        move = "looks-exact" if able else "looks"
+        raise UsageError(Said(f"small has no look for {change}. {KNOWN}", move))
     if change.target == "background" or (look.scope == "subject" and change.target == "scene"):
         part = "the subject" if look.scope == "subject" else "the whole picture"
-        return (
-            f"{change}: the look {look.name} of small changes {part}. Ask for it alone, as in "
-            f"{look.wording!r}, and mark what may change with --region"
-        )
-    return ""
+        what = f"{change}: the look {look.name} of small changes {part}"
+        raise UsageError(Said(f"{what}. Ask for it alone, as in {look.wording!r}", "select-too"))
+    return look

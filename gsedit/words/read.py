@@ -1,4 +1,4 @@
-"""Reader of a sentence: typed words, clauses, changes. The encoder is asked last."""
+"""Reader of a sentence: typed words, clauses, changes."""
 
 from __future__ import annotations
 
@@ -25,16 +25,13 @@ from gsedit.words.clauses import (
     refuse_parts,
 )
 from gsedit.words.instruction import MOST, Change, Instruction, Target
+from gsedit.words.looks import routed
 from gsedit.words.phrases import IT, NUMBERED, PRONOUNS, with_base, without_base
 from gsedit.words.refusals import REASONS, Refused, first_refusal
 from gsedit.words.scan import Word, scanned
-from gsedit.words.small_looks import TONES, change_of_look, routed
 from gsedit.words.solids import directed, refuse_amount, scenes, shone, solids
 from gsedit.words.tones import asks_less, complains, hues, stressed, tones
 
-FLOOR, SURE = 0.6, 0.9
-"""Least probability of a look that the encoder alone names, in a sentence of known words and in
-any; chosen on sentences of development."""
 Placed = list[tuple[int, Change]]
 """Changes with their places in a clause."""
 ONLY = frozenset(("only", "just", "alone", "solely"))
@@ -70,9 +67,7 @@ class Reading:
 def read_instruction(sentence: str, saved: Collection[str] = ()) -> Instruction:
     """Changes that a sentence asks for, or why it is refused. Never a change that it forbids.
 
-    `saved` are names, in small letters, of things that a look may be for, as "the red one". The
-    encoder is loaded only where no word of the sentence names a change. Raises InputError where its
-    files are missing or damaged.
+    `saved` are names, in small letters, of things that a look may be for, as "the red one".
     """
     if (bare := without_base(sentence)) != sentence:
         return with_base(read_instruction(bare, saved), sentence)
@@ -82,7 +77,9 @@ def read_instruction(sentence: str, saved: Collection[str] = ()) -> Instruction:
             raise Refused(kind)
         actions = actions_of(sentence)
         if actions is None:
-            changes = looks_of(sentence, saved, _parsed) or _meant(sentence, words)
+            changes = looks_of(sentence, saved, _parsed)
+            if not changes:
+                raise _refusal(words)
         else:
             changes = [change for each in actions for change in _between(each, saved)]
         turned = any(c.name in ("hue", "turn") or c.kind == "light" for c in changes)
@@ -387,22 +384,9 @@ def _differ(one: Change, other: Change) -> bool:
     return one.kind in SOLID and (one.kind != other.kind or not same)
 
 
-def _meant(sentence: str, words: list[Word]) -> list[Change]:
-    """Changes of the looks that the encoder finds in a sentence whose words name none."""
-    from gsedit.words.reader import understand
-
-    kinds = [word.kind for word in words if word.kind not in ("mark", "poss")]
+def _refusal(words: list[Word]) -> Refused:
+    """Why a sentence is refused none of whose words names a change."""
+    kinds = {word.kind for word in words}
     if "finish" in kinds and "unknown" not in kinds:
-        raise Refused("finish")
-    if set(kinds) & DENIALS:
-        raise Refused("negation")
-    if set(kinds) & {"noun", "state", "turn", "up", "part"}:
-        raise Refused("nonsense")
-    few = len(kinds) < 3 or kinds.count("unknown") > len(kinds) / 2
-    understood = understand(sentence)
-    if not understood.known or understood.looks[0].score < (SURE if few else FLOOR):
-        raise Refused("nonsense")
-    looks = [each.look for each in understood.looks if each.score >= FLOOR]
-    if any(look.name in TONES.values() for look in looks):  # a direction that no word says
-        raise Refused("nonsense")
-    return [change_of_look(look) for look in looks]
+        return Refused("finish")
+    return Refused("negation" if kinds & DENIALS else "nonsense")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import unicodedata
 
+from gsedit.errors import Said
 from gsedit.words.lexicon import sets
 from gsedit.words.scan import Word
 from gsedit.words.tokens import normalised
@@ -19,11 +20,13 @@ REASONS = {
     "empty": "the sentence is empty: say what should change, as in 'make it snow'",
     "language": f"only English is read: {SAY}; say it as in 'paint it red'",
     "question": f"this asks for no change: {SAY}; say what should change, as in 'make it warmer'",
-    "geometry": "this would make or reshape something: what is in the scene can be removed, moved, "
-    "turned, scaled and copied ('remove the bear'), and a scene's file put in ('put hat.ply on "
-    "the table'); for any sentence: --editor pix2pix --model FOLDER",
-    "removal": "words find nothing to take away here: point at it with --at VIEW:X,Y and say "
-    "'remove it', or save it by a name with gsedit select ... --as NAME, and say that",
+    "geometry": Said(
+        "this would make or reshape something: what is in the scene can be removed, moved, turned, "
+        "scaled and copied ('remove the bear'), and a scene's file put in ('put hat.ply on the "
+        "table')",
+        "any-sentence",
+    ),
+    "removal": Said("words find nothing to take away here", "point"),
     "everything": "this leaves no scene: say what should stay, as in 'keep only the bear', or go, "
     "as in 'remove the bear'",
     "undo": "nothing is overwritten, so there is nothing to undo: go on with the scene before the "
@@ -33,8 +36,7 @@ REASONS = {
     "units of the scene's file, as in 'move it left by half its height' or 'by 0.3 units'",
     "copies": "one copy is made at a time: say where, as in 'put another one on its left', and "
     "edit the result again for more",
-    "part": "nothing finds this part of the scene: mark it with --region and say what changes "
-    "there, or name the subject, the background or the whole scene",
+    "part": Said("nothing finds this part of the scene", "select-part"),
     "negation": "this names what must not be, or takes away what no route takes away: say what it "
     "should be instead, as in 'paint it blue'",
     "two": "this asks for two things of one part that exclude each other: say one, as in "

@@ -9,9 +9,9 @@ from gsedit.words.amounts import amount_of
 from gsedit.words.clauses import NAMED, TONES, Clause
 from gsedit.words.direct import light_of
 from gsedit.words.instruction import Change
+from gsedit.words.looks import routed
 from gsedit.words.refusals import Refused
 from gsedit.words.scan import Word
-from gsedit.words.small_looks import routed
 
 Solids = list[tuple[int, Change]]
 """Changes with their places in a clause."""

@@ -11,10 +11,21 @@ import pytest
 import torch
 from closeness import EPS32, assert_near
 
-from gsedit.app.display import LINE, DisplayState, depth_at, picture, tinted
-from gsedit.app.eyes import camera_of, eye_of
-from gsedit.app.frames import FAST, LEAST_SIDE, SLOW, Painter, next_side, wanted_seconds
-from gsedit.app.latest_only import LatestOnlyWorker
+from gsedit.app.frames import (
+    FAST,
+    LEAST_SIDE,
+    LINE,
+    SLOW,
+    DisplayState,
+    LatestOnlyWorker,
+    Painter,
+    depth_at,
+    next_side,
+    picture,
+    tinted,
+    wanted_seconds,
+)
+from gsedit.app.tab import camera_of, eye_of
 from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
 from rasterizer.numerics import DEFAULT
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 from websockets.datastructures import Headers
 
-from gsedit.app.guard import Guard
 from gsedit.app.places import Places, free
 from gsedit.app.reading import read
+from gsedit.app.server import Guard
 from gsedit.errors import UsageError
 
 TOKEN = "abcdef0123456789"
@@ -82,7 +82,8 @@ def test_places_are_the_given_folders_and_nothing_beside_them(tmp_path):
     ):
         with pytest.raises(UsageError):
             places.check(outside)
-    assert places.with_folder(other).check("link/a.ply") == (other / "a.ply").resolve()
+    both = Places((given.resolve(), other.resolve()))
+    assert both.check("link/a.ply") == (other / "a.ply").resolve()
 
 
 def test_a_sentence_names_no_file_elsewhere(tmp_path):

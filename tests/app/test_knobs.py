@@ -2,7 +2,7 @@
 
 import pytest
 
-from gsedit.app.knobs import knobs_of, turned
+from gsedit.app.reading import knobs_of, turned
 from gsedit.words.called import read_called
 
 

@@ -6,6 +6,7 @@ import sys
 import time
 from dataclasses import replace
 from pathlib import Path
+from shutil import copyfile
 
 import pytest
 import torch
@@ -13,13 +14,14 @@ from pages import COMMAND, make_page, until
 
 from gsedit.app import document as documents
 from gsedit.app.document import Pending
-from gsedit.app.opening import earlier, go_on, make_scene, open_path
-from gsedit.app.receiving import receive
+from gsedit.app.loaded import Scenes
+from gsedit.app.moves import on_page
+from gsedit.app.opening import earlier, go_on, make_scene, open_path, receive
 from gsedit.app.worker import Cancelled, Worker
 from gsedit.errors import GseditError, UsageError
 from gsedit.formats.flags import read_flags
 from gsedit.formats.scenes import save
-from gsedit.select.saved import save_named
+from gsedit.select.saved import save_named, saved_names
 
 
 class Ear:
@@ -27,7 +29,7 @@ class Ear:
 
     def __init__(self, page):
         self.told: list[str] = []
-        page.say, page.fail = self.told.append, lambda error: self.told.append(str(error))
+        page.say, page.fail = self.told.append, lambda error: self.told.append(on_page(error))
 
 
 def idle(page):
@@ -69,7 +71,7 @@ def test_a_selection_lasts_as_long_as_the_gaussians_do(opened):
     save_named(flags.numpy(), opened.scene.means.numpy(), opened.scene_file, "paw")
     step(opened, "paint it", verb="edit")
     assert opened.selection is flags
-    assert opened.names() == ("paw",)
+    assert saved_names(opened.scene_file) == ("paw",)
     assert opened.selection_file().is_file()
     with pytest.raises(UsageError, match="once more"):
         opened.select(flags[:5])
@@ -82,7 +84,7 @@ def test_a_failing_command_is_told_by_its_sentence_and_changes_nothing(opened):
     ear, before = Ear(opened), opened.document.steps
     step(opened, "bad", "--fail")
     until(lambda: ear.told)
-    assert ear.told == ["no such thing: name another"]
+    assert ear.told == ["no such thing: use the camera's own files with EXIF"]
     assert opened.document.steps == before
 
 
@@ -272,11 +274,11 @@ def test_what_is_no_scene_is_refused_with_the_next_move(page, tmp_path):
     assert not list(tmp_path.glob("*.session"))
 
 
-def test_scenes_in_memory_are_bounded(opened, monkeypatch):
-    monkeypatch.setattr("gsedit.app.scenes.KEPT_GAUSSIANS", 700)
-    for title in ("a", "b", "c"):
-        step(opened, title)
-    assert len(opened._scenes) == 2
+def test_scenes_in_memory_are_bounded(scene):
+    scenes = Scenes(most=700)
+    for name in ("a.ply", "b.ply", "c.ply"):
+        scenes.load(Path(copyfile(scene, scene.with_name(name))))
+    assert len(scenes) == 2
 
 
 def test_a_worker_hands_over_events_and_ends_with_its_page():

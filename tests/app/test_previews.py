@@ -12,9 +12,9 @@ from gsedit.app.document import Step, applied
 from gsedit.app.loaded import Loaded
 from gsedit.app.opening import open_path
 from gsedit.app.panels.say import Say
+from gsedit.app.panels.select import Clicks, grown
 from gsedit.app.previews import Previewer
 from gsedit.app.reading import read
-from gsedit.app.selections import Clicks, grown
 from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.errors import UsageError
 from gsedit.scene.picture import render_picture
@@ -88,14 +88,10 @@ def test_no_preview_is_made_or_shown_of_a_scene_that_was_left(page, scene, monke
     tab.preview.assert_called_once_with(None)
 
 
-def test_a_first_click_outside_is_told(room):
+def test_a_plain_click_begins_anew_and_a_further_one_refines(room):
     camera = playroom().cameras[0]
     with pytest.raises(UsageError, match="click on the object first"):
         Clicks().with_click(Click(camera, 1.0, 1.0, inside=False), add=True)
-
-
-def test_a_plain_click_begins_anew_and_a_further_one_refines(room):
-    camera = playroom().cameras[0]
     click = Click(camera, 48.0, 48.0)
     one = Clicks().with_click(click, add=False)
     two = one.with_click(Click(camera, 40.0, 48.0), add=True)
@@ -130,9 +126,8 @@ def test_grow_and_shrink_go_by_a_radius(room):
 def test_what_is_known_of_a_scene_is_kept_for_the_next_preview_and_dropped_with_it(
     room, monkeypatch
 ):
-    monkeypatch.setattr("gsedit.app.previews.PREPARED", ("make it night",))
     previewer = Previewer(room, None)
-    previewer.prepare()
+    previewer.prepare(sentences=("make it night",))
     asked = []
     monkeypatch.setattr("gsedit.light.present.surface_of", lambda *each: asked.append(each))
     night = previewer.scene(read("make it night")).scene
@@ -143,30 +138,9 @@ def test_what_is_known_of_a_scene_is_kept_for_the_next_preview_and_dropped_with_
     assert len(asked) == 1
 
 
-def test_what_is_found_by_names_of_before_is_not_kept(room, monkeypatch):
-    finder = Previewer(room, None).finder
-    old, new = (Region(playroom().of("red ball"), note) for note in ("old", "new"))
-
-    def renamed_meanwhile(phrase):
-        finder.rename(finder.names)
-        return old
-
-    monkeypatch.setattr(finder, "_select", renamed_meanwhile)
-    assert finder.named("the paw") is old
-    monkeypatch.setattr(finder, "_select", lambda text: new)
-    assert finder.named("the paw") is new
-
-
-def test_what_is_no_longer_wanted_is_not_prepared(room, monkeypatch):
-    previewer = Previewer(room, None)
-    monkeypatch.setattr(previewer, "scene", None)
-    previewer.prepare(lambda: False)
-
-
-def test_a_prepared_preview_is_that_of_the_edit(room, monkeypatch):
-    monkeypatch.setattr("gsedit.app.previews.PREPARED", ("make it night",))
+def test_a_prepared_preview_is_that_of_the_edit(room):
     reading, previewer = read("make it snow"), Previewer(room, None)
     plain = previewer.scene(reading).scene
-    previewer.prepare()
+    previewer.prepare(sentences=("make it night",))
     assert torch.equal(previewer.scene(reading).scene.sh, plain.sh)
     room.forget()

@@ -2,9 +2,11 @@
 
 import pytest
 
+from gsedit.app.moves import ON_PAGE, on_page
 from gsedit.app.reading import USUAL_COUNT, read
-from gsedit.app.wording import on_page
 from gsedit.capture.causes import Evidence, cause
+from gsedit.errors import MOVES, Said, UsageError
+from gsedit.words.called import read_called
 
 
 def test_a_reading_tells_part_color_way_and_seconds():
@@ -41,15 +43,24 @@ def before_map():
 @pytest.mark.parametrize(
     ("said", "told"),
     [
-        ("nothing finds this part: mark it with --region and say", "select it by a click and say"),
-        ("name what should change with --region, and look at it with gsedit render SCENE "
-         "--region ...", "select what should change by a click"),
-        (str(read("remove").refusal), "select it by a click"),
-        (str(read("as a Van Gogh painting").refusal), "say another"),
-        ("6 of 12 photos posed: trying again with more features (--no-retries: not)", "features"),
+        (Said("nothing finds this part", "select-part"), "select it by a click and say"),
+        (Said("no one", "select-kind", kind="wall"), "select 'the wall' by words"),
+        (read_called("remove", ()).why, "select it by a click"),
+        ("photos/: " + before_map(), "photos/: the photos match but do not fit"),
         (before_map(), "use the camera's own files with EXIF"),
     ],
-)  # fmt: skip
-def test_refusals_speak_of_the_page(said, told):
-    assert told in on_page(said)
-    assert "--" not in on_page(said)
+)
+def test_next_moves_are_those_of_the_page(said, told):
+    assert "--" in said
+    shown = on_page(UsageError(said))
+    assert told in shown
+    assert "--" not in shown
+
+
+def test_a_look_that_is_refused_has_another_in_its_place():
+    assert "say another" in read("as a Van Gogh painting").refusal
+
+
+def test_the_page_has_words_for_all_moves_that_name_options():
+    assert set(ON_PAGE) == set(MOVES) - {""}
+    assert "--" not in "".join(ON_PAGE.values())

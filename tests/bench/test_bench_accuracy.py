@@ -8,7 +8,7 @@ from importlib import import_module
 
 import pytest
 import torch
-from research.renderer.workloads import cloud
+from benchmarks import cloud
 
 from gsedit.bench.renderer import accuracy, speed
 from rasterizer import render

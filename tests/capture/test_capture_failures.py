@@ -4,20 +4,15 @@ from __future__ import annotations
 
 import shutil
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from command_line import gsedit, one_line
-from lens_photos import RealLens, look_at, take, turn, walk
+from lens_photos import RealLens, take, turn, walk
 from PIL import Image
 
-from gsedit.capture import capture, photos
+from gsedit.capture import photos
 from gsedit.capture.causes import Evidence, cause, hopeless
-from gsedit.capture.folder import find_photos
-from gsedit.capture.settings import CaptureSettings
-from gsedit.capture.stages import Stages
-from gsedit.errors import InputError
 
 
 def failure(folder, out, *words):
@@ -137,31 +132,6 @@ def test_photos_of_plain_surfaces(tmp_path):
     assert "put a patterned cloth" in line
 
 
-def test_a_long_lens_without_exif(tmp_path):
-    """Four times the picture's width, where 1.2 times is guessed: photos match, some do not fit."""
-    turns = np.radians(np.arange(0, 56, 7))
-    poses = [look_at((2.4 * np.cos(a), 2.4 * np.sin(a), 0.9), (0, 0, 0.3)) for a in turns]
-    take(tmp_path / "photos", poses, RealLens(160, 160, 640.0, 0.0, 0.0))
-    settings = CaptureSettings(features=600, retries=False, threads=1)
-    found = find_photos(tmp_path / "photos", tmp_path / "scene")
-    stages = Stages(tmp_path / "work", 1)
-    (prepared, key), _ = drained(capture._prepared(found, tmp_path / "photos", stages, settings))
-    work = capture._Mapping(tmp_path / "photos", stages, settings, prepared, key)
-    drained(work.climb())
-    assert work.posed < 7
-    assert "their focal length is unknown: name it with --focal" in work.cause()
-
-
-def drained(working):
-    """Return the result of some work, and the items that it yielded."""
-    shown = []
-    while True:
-        try:
-            shown.append(next(working))
-        except StopIteration as end:
-            return end.value, shown
-
-
 def evidence(pairs, features=1000, focal_known=True, count=10):
     names = [str(i) for i in range(count)]
     return Evidence({name: features for name in names}, pairs, 45, focal_known)
@@ -171,42 +141,6 @@ def pair(i, j, inliers=200, homography=None, shift=0.1):
     flat = homography is not None
     return {"names": (str(i), str(j)), "inliers": inliers, "flat": flat, "shift": shift,
             "homography": homography.tolist() if flat else None}  # fmt: skip
-
-
-def climbed(monkeypatch, posed, found):
-    """A climb of which the attempts pose so many photos of 10 and find this evidence."""
-    taken = [photos.Photo(f"{i}.jpg", f"{i}.jpg", 8, 8, 9.0, 9.0) for i in range(10)]
-    prepared = photos.Prepared(tuple(taken), ())
-    monkeypatch.setattr(capture, "groups_of", lambda *_: ())
-    work = capture._Mapping(
-        Path("photos"), Stages(Path("work"), 1), CaptureSettings(), prepared, ""
-    )
-    attempts = iter(zip(posed, found))
-
-    def match(attempt):
-        work.now, work.evidence = next(attempts)
-        return Path("matches.db"), "key"
-        yield
-
-    def mapped(database, key, attempt):
-        return [{"poses": dict.fromkeys(range(work.now))}], key
-        yield
-
-    monkeypatch.setattr(work, "_match", match)
-    monkeypatch.setattr(work, "_map", mapped)
-    return work, list(work.climb())
-
-
-def test_a_retry_that_finds_nothing_does_not_discard_what_was_posed(monkeypatch, tmp_path):
-    monkeypatch.chdir(tmp_path)
-    good, still = evidence([pair(0, 1)]), evidence([pair(0, 1, shift=0.001)])
-    work, lines = climbed(monkeypatch, (6, 7, 0), (good, good, still))
-    assert work.posed == 7
-    assert work.evidence is good
-    assert "it looks as if the camera hardly moved" in lines[-1].text
-    assert "going on with what was posed before" in lines[-1].text
-    with pytest.raises(InputError, match="photos: the camera hardly moved"):
-        climbed(monkeypatch, (2, 0), (good, still))
 
 
 def homographies(focal, translation):

@@ -39,8 +39,3 @@ def test_a_far_background_is_not_framed():
     far = 1000 + np.zeros((450, 3))
     _, radius = framing(np.concatenate((near, far)), orbit(8))
     assert 2 < radius < 4
-
-
-def test_a_single_camera_without_points_has_a_picture(tmp_path):
-    save_picture(np.zeros((0, 3)), np.zeros((0, 3)), orbit(1), tmp_path / "one.png")
-    assert (tmp_path / "one.png").is_file()

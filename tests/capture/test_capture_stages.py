@@ -14,12 +14,11 @@ import pytest
 from lens_photos import RealLens, take, walk
 from PIL import Image
 
-from gsedit.capture import child
-from gsedit.capture.child import Step
+from gsedit.capture import stages
 from gsedit.capture.folder import find_photos
 from gsedit.capture.photos import Prepared, _name, prepare
-from gsedit.capture.settings import CaptureSettings, exhaustive, ladder, sequential
-from gsedit.capture.stages import Stages
+from gsedit.capture.settings import exhaustive, sequential
+from gsedit.capture.stages import Stages, Step
 
 
 @pytest.mark.parametrize("count", [2, 5, 40])
@@ -31,17 +30,6 @@ def test_pairs(count):
     assert {(i, (i + 1)) for i in range(count - 1)} | {(0, count - 1)} <= set(near)  # closed
     assert min(Counter(i for pair in near for i in pair).values()) >= min(count - 1, 6)
     assert max((j - i for i, j in near), default=0) >= count // 4  # and reaches across
-
-
-def test_the_ladder_grows_step_by_step():
-    few = [attempt for _, attempt in ladder(CaptureSettings(), 20)]
-    assert few[0].exhaustive
-    assert [a.min_angle for a in few] == [16, 4, 4, 4]
-    assert [a.features for a in few] == [2048, 2048, 4096, 4096]
-    assert [a.affine for a in few] == [False, False, False, True]
-    many = [attempt.exhaustive for _, attempt in ladder(CaptureSettings(), 100)]
-    assert many == [False, False, True, True, True]
-    assert len(ladder(CaptureSettings(retries=False), 20)) == 1
 
 
 def prepared(folder, place, size=1600) -> Prepared:
@@ -133,10 +121,10 @@ def request_for_features(tmp_path):
 def test_features_go_on_in_a_database_with_the_same_camera(request_for_features, tmp_path):
     log = tmp_path / "log"
     for count in (2, 4):
-        list(child.run("features", request_for_features(count), log))
-    assert child.rows(tmp_path / "features.db", "keypoints") == 4
+        list(stages.run("features", request_for_features(count), log))
+    assert stages.rows(tmp_path / "features.db", "keypoints") == 4
     copy = tmp_path / "copy.db"
-    child.copy_database(tmp_path / "features.db", copy)
+    stages.copy_database(tmp_path / "features.db", copy)
     connection = sqlite3.connect(copy)
     ((cameras,),) = connection.execute("SELECT COUNT(*) FROM cameras")
     used = connection.execute("SELECT DISTINCT camera_id FROM images").fetchall()
@@ -154,7 +142,7 @@ def test_closing_ends_the_child(tmp_path, monkeypatch):
         return started[-1]
 
     monkeypatch.setattr(subprocess, "Popen", start)
-    steps = child.run("features", {}, tmp_path / "log", lambda: Step(0, 4))
+    steps = stages.run("features", {}, tmp_path / "log", lambda: Step(0, 4))
     assert next(steps) == Step(0, 4)
     assert started[0].poll() is None
     steps.close()
@@ -162,8 +150,8 @@ def test_closing_ends_the_child(tmp_path, monkeypatch):
 
 
 def test_an_error_in_the_child_names_the_log(tmp_path):
-    with pytest.raises(child.GseditError, match=r"undistortion: .*COLMAP's log: .*log"):
-        list(child.run("undistortion", {"model": str(tmp_path), "images": str(tmp_path),
+    with pytest.raises(stages.GseditError, match=r"undistortion: .*COLMAP's log: .*log"):
+        list(stages.run("undistortion", {"model": str(tmp_path), "images": str(tmp_path),
              "output": str(tmp_path / "o"), "rotation": np.eye(3).tolist(), "size": 100,
              "threads": 1}, tmp_path / "log"))  # fmt: skip
     assert "Traceback" in (tmp_path / "log").read_text()

@@ -12,7 +12,7 @@ from PIL import Image
 from pose_error import pose_error, poses
 
 from gsedit import load_dataset
-from gsedit.capture import child
+from gsedit.capture import stages
 from gsedit.datasets.cameras_json import read_cameras
 
 FEW = "--features", 600, "--size", 192
@@ -69,7 +69,7 @@ def test_the_last_lines_say_what_was_posed_and_what_to_do_next(captured):
 
 def test_a_second_run_does_nothing_again(captured, monkeypatch):
     before = files(captured.scene)
-    monkeypatch.setattr(child, "run", None)  # would raise
+    monkeypatch.setattr(stages, "run", None)  # would raise
     again = gsedit("capture", captured.photos, "-o", captured.scene, *FEW)
     assert again.exit_code == 0, again.stderr
     after = files(captured.scene)
@@ -86,7 +86,7 @@ def test_what_changes_is_done_again_and_no_more(captured, monkeypatch, tmp_path)
         asked.append(task)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(child, "run", run)
+    monkeypatch.setattr(stages, "run", run)
     for each in (scene / "work").glob("results-*.json"):  # as where their writing was interrupted
         each.unlink()
     for words in ([], ["--mapper", "global"], ["--seed", 1], ["--lens", "opencv"]):
@@ -101,16 +101,3 @@ def test_what_changes_is_done_again_and_no_more(captured, monkeypatch, tmp_path)
         "undistortion", "global mapping", "matches", "features", "features", "features",
     ]  # fmt: skip
     assert not (scene / "images").exists()  # -f began anew
-
-
-def test_fit_and_edit_go_on_from_it(captured, tmp_path):
-    scene, out = tmp_path / "scene.ply", tmp_path / "out"
-    fit = gsedit("fit", captured.scene, "-o", scene, "--size", 32, "--steps", 3)
-    assert fit.exit_code == 0, fit.stderr
-    edit = gsedit(
-        "edit", scene, "as bronze", "-o", out, "--data", captured.scene, "--editor", "closed-form",
-        "--size", 32, "--batches", 1, "--views", 3, "--update-steps", 3, "--steps", 3,
-        "--patch", 16, "--held-out-edits", 0, "--overlap", 1, "--coverage", 1,
-    )  # fmt: skip
-    assert edit.exit_code == 0, edit.stderr
-    assert (out / "scene.ply").is_file()

@@ -9,7 +9,6 @@ import pytest
 from PIL import Image
 
 from gsedit.capture.frames import Extraction, extract_steps, is_video
-from gsedit.capture.video import Video
 from gsedit.errors import GseditError, InputError
 
 pytest.importorskip("av", reason="needs PyAV: pip install 'gsedit[video]'")
@@ -109,30 +108,6 @@ def test_a_video_that_is_cut_off_gives_what_it_has_and_says_so(walk, tmp_path):
     assert len(found.paths) >= 4
     assert "short.mp4 is cut off: " in found.notes[0]
     assert " of 6.0 s can be decoded" in found.notes[0]
-    assert extraction(short, tmp_path / "out", 12).notes == found.notes  # remembered
-
-
-def test_frames_are_found_again_where_the_second_pass_decodes_others(walk, tmp_path, monkeypatch):
-    data, short = walk.read_bytes(), tmp_path / "short.mp4"
-    short.write_bytes(data[: len(data) // 2])
-    expected = [np.asarray(Image.open(each)) for each in extract(short, tmp_path / "a", 12)]
-    decode, passes = Video._pictures, []
-
-    def damaged(video):
-        """Without its second and last frames when it is decoded again."""
-        pictures = list(decode(video))
-        passes.append(len(pictures))
-        return iter([pictures[0], *pictures[2:-1]] if len(passes) == 2 else pictures)
-
-    monkeypatch.setattr(Video, "_pictures", damaged)
-    found = extraction(short, tmp_path / "b", 12)
-    assert len(passes) == 2
-    shown = {path.name: np.asarray(Image.open(path)) for path in found.paths}
-    for path, picture in zip(sorted((tmp_path / "a").glob("*.jpg")), expected):
-        assert path.name not in shown or np.array_equal(shown[path.name], picture)
-    assert len(shown) >= len(expected) - 2
-    lost = len(expected) - len(shown)
-    assert sum("could not be decoded again" in note for note in found.notes) == bool(lost)
 
 
 def test_a_recording_without_its_index_says_that_it_is_cut_off(tmp_path):
@@ -149,30 +124,6 @@ def test_damage_in_the_middle_is_survived(walk, tmp_path):
     broken = tmp_path / "broken.mp4"
     broken.write_bytes(data)
     assert len(extract(broken, tmp_path / "out", 12)) >= 10
-
-
-def test_work_that_was_interrupted_goes_on(walk, tmp_path):
-    events = extract_steps(walk, tmp_path, 12)
-    stages = []
-    for event in events:
-        stages.append(event.stage)
-        if stages.count("frames") == 5:
-            break
-    events.close()
-    there = {path: path.stat().st_mtime_ns for path in tmp_path.glob("*.jpg")}
-    assert len(there) == 5
-    paths = extract(walk, tmp_path, 12)
-    assert len(paths) == 12
-    assert {path: path.stat().st_mtime_ns for path in there} == there
-    *rest, last = extract_steps(walk, tmp_path, 12)
-    assert not rest  # nothing was done again
-    assert last.paths == paths
-
-
-def test_frames_of_another_choice_are_replaced(walk, tmp_path):
-    extract(walk, tmp_path, 12)
-    paths = extract(walk, tmp_path, 5)
-    assert set(tmp_path.glob("*.jpg")) == set(paths)
 
 
 @pytest.mark.parametrize(

@@ -105,21 +105,6 @@ def test_numbered_folders_are_smaller_copies_only_beside_the_photos(tmp_path):
     assert {each.parent.name for each in found.files} == {"photos"}
 
 
-def test_photos_in_one_folder_of_a_card_are_counted(tmp_path):
-    photos(tmp_path / "DCIM" / "100APPLE", "a", "b")
-    found = find_photos(tmp_path, tmp_path / "out")
-    assert found.notes == (f"2 photos in {tmp_path / 'DCIM' / '100APPLE'}",)
-
-
-def test_of_many_folders_that_are_left_out_some_are_named(tmp_path):
-    photos(tmp_path, "a")
-    for i in range(9):
-        photos(tmp_path / str(i) / "thumbs", "a")
-    (left,) = find_photos(tmp_path, tmp_path / "out").notes
-    assert left.count("(1 picture)") == 4
-    assert "and 5 more: by name" in left
-
-
 def test_a_link_to_nothing_and_long_names_of_folders(tmp_path):
     top = tmp_path / "photos"
     deep = top / ("long " * 30) / ("länger " * 20)

@@ -25,7 +25,7 @@ def asked(**variables: str) -> str:
     ("words", "found"),
     [
         ("gsedit ed", ["edit"]),
-        ("gsedit edit --se", ["--seeds", "--seed", "--set"]),
+        ("gsedit edit --se", ["--seed", "--set"]),
         ("gsedit fit photos --quality ", ["draft", "normal", "high"]),
     ],
 )

@@ -23,7 +23,7 @@ HEAVY = {
     "safetensors", "scipy", "torch", "trimesh", "viser", "zstandard",
 }  # fmt: skip
 """Modules that no help may load: a shell asks for it at every Tab; who builds a wheel has none."""
-BENCHMARKS = ("stability", "targets", "edit")
+BENCHMARKS = ("targets", "stability")
 
 
 def test_help_loads_nothing_heavy():

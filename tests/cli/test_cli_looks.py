@@ -1,14 +1,11 @@
-"""`gsedit list looks`: the looks, the looks that a sentence asks for, and the sheet."""
+"""`gsedit list looks`: the looks, and the changes that a sentence asks for."""
 
 from __future__ import annotations
 
 import json
 
-import torch
 from command_line import gsedit
-from PIL import Image
 
-from gsedit.editors.small import look_sheet
 from gsedit.words.looks import LOOKS
 
 
@@ -38,12 +35,3 @@ def test_a_sentence_that_nothing_fulfills_is_refused_with_the_reason():
     record = json.loads(gsedit("looks", "give it a hat", "--json").stdout)
     assert (record["known"], record["changes"]) == (False, [])
     assert record["why"]
-
-
-def test_the_sheet_shows_every_look(monkeypatch, tmp_path):
-    pictures = [torch.full((8, 8, 3), 0.5)] * (len(LOOKS) + 1)
-    monkeypatch.setattr(look_sheet, "thumbnails", lambda: pictures)
-    path = tmp_path / "looks.png"
-    assert gsedit("list", "looks", "-o", path).exit_code == 0
-    assert Image.open(path).size[0] > 1000
-    assert gsedit("list", "looks", "-o", path).exit_code == 2

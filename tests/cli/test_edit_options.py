@@ -13,7 +13,7 @@ from gsedit_cli.verbs.fit import Recipe
 from gsedit import EditSettings
 from gsedit.errors import UsageError
 from gsedit.paper import strategies
-from gsedit.paper.presets import find_preset
+from gsedit.paper.settings import find_preset
 from gsedit.paper.strategies.single_pass import SinglePass
 
 FLAGS = (

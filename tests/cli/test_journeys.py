@@ -17,7 +17,7 @@ from playroom import playroom
 
 from gsedit import load, load_dataset
 from gsedit.datasets.cameras_json import read_cameras
-from gsedit.formats.registry import open_scene, write_scene
+from gsedit.formats.registry import write_scene
 from gsedit.formats.streams import SceneHeader, in_blocks
 from gsedit.runs.journal import read_events
 
@@ -269,12 +269,3 @@ def test_a_scene_is_measured_compared_and_exported(place, tmp_path):
         assert told["mesh"] == str(mesh)
         assert mesh.stat().st_size > 1000
         assert 4 <= told["faces"] <= 300
-    levels = tmp_path / "levels"
-    answer("decimate", scene, "50%", "--levels", 3, "--format", "spz", "-o", levels)
-    assert names(levels) == {"lod.json", *(f"room_lod{i}.spz" for i in range(3))}
-    record = json.loads((levels / "lod.json").read_text())["levels"]
-    assert [each["gaussians"] for each in record] == [7000, 3500, 1750]
-    streamed = tmp_path / "streamed"
-    words = ("--levels", 2, "--format", "streamed", "--no-measure")
-    answer("decimate", scene, "50%", *words, "-o", streamed)
-    assert answer("info", streamed)["gaussians"] == len(open_scene(streamed).table()) == 7000

@@ -63,11 +63,6 @@ REFUSED = """
 2 | merge scene.ply room/room.ply then filter --where seen(pixels=1) --dry-run | --data
 2 | decimate scene.ply half -o a.ply | 50%
 2 | decimate scene.ply 0 -o a.ply | at least 1
-2 | decimate scene.ply 1000 --levels 2 -o b | share
-2 | decimate scene.ply 50% --levels 2 --method random -o b | --method
-2 | decimate scene.ply 50% --levels 2 --format jpg -o b | .compressed.ply
-2 | decimate scene.ply 50% --levels 2 -o taken | taken
-2 | decimate scene.ply 50% --levels 2 then convert -o b | --levels
 
 2 | transform scene.ply -o a.ply | name what to do
 2 | transform scene.ply --translate 1,2 -o a.ply | --translate
@@ -179,7 +174,6 @@ REFUSED = """
 2 | edit scene.ply 'remove it' --data photos --region all -o out | whole scene
 2 | EDIT --preview -o out | .png
 2 | EDIT --preview -o taken.png | exists
-2 | edit scene.ply 'paint it red' --data photos --seeds 3 | one result
 2 | ROOM 'paint it teal' CLICK --region all -o out | leave one out
 2 | ROOM 'paint it teal' --at view_0:20 -o out | a column and a row
 2 | ROOM 'paint it teal' --at 0:1,1 -o out | nothing is at

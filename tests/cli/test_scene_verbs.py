@@ -104,13 +104,6 @@ def test_an_invalid_row_is_named_by_its_place_in_the_file(scene, tmp_path):
     assert "row 3 (from 0): column y is nan; 1 of 5 rows are invalid" in done.stderr
 
 
-def test_levels_have_the_name_of_the_scene(scene, tmp_path):
-    odd, out = scene.rename(tmp_path / "my.scan_lod0.v2.ply"), tmp_path / "levels"
-    answer("decimate", odd, "50%", "--levels", "2", "--no-measure", "-o", out)
-    written = {each.name for each in out.iterdir()}
-    assert written == {f"my.scan_lod0.v2_lod{level}.ply" for level in (0, 1)} | {"lod.json"}
-
-
 def test_bend_moves_nothing_out_of_the_cage_and_takes_saved_names(scene, tmp_path):
     inside = np.arange(5) < 3
     save_named(inside, means(scene), scene, "Left leg")

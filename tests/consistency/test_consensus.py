@@ -12,6 +12,7 @@ from functools import partial
 
 import pytest
 import torch
+from sampler_runs import zero_terminal_snr
 
 from gsedit.consistency.consensus import consensus, share_noise
 from gsedit.diffusion.guidance import Branches
@@ -232,7 +233,7 @@ def test_sixty_four_views():
 
 
 def test_eps_at_a_terminal_snr_of_zero_is_refused():
-    model = replace(OneGaussian(noise(2, 2, 1, 3)), schedule=SD.zero_terminal_snr())
+    model = replace(OneGaussian(noise(2, 2, 1, 3)), schedule=zero_terminal_snr(SD))
     chosen = settings("ddim", "eps")
 
     class AtInfinity(OneGaussian):

@@ -16,7 +16,7 @@ from sampler_runs import FLOW, SD, SOLVERS, TERMINAL, generator, last
 
 from gsedit.diffusion.sampler import sample
 from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editors.small.denoiser import schedule as small_schedule
+from gsedit.editors.small.editor import schedule as small_schedule
 
 
 def unguided(solver: str, steps: int, **more) -> SamplerSettings:

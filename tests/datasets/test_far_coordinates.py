@@ -64,11 +64,6 @@ def test_a_capture_near_the_origin_is_not_moved(tmp_path):
     assert (data.offset, data.notes) == ((0.0, 0.0, 0.0), ())
 
 
-def test_the_offset_does_not_depend_on_what_is_asked_for(tmp_path):
-    folder = far_dataset(tmp_path)
-    assert load_dataset(folder, limit=2, size=4).offset == load_dataset(folder).offset
-
-
 APPLIED = [[0.0, 1.0, 0.0, 0.5], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.1]]
 
 

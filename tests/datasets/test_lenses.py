@@ -28,7 +28,7 @@ def lens_of(model: str) -> Lens:
     params = MODELS[model]
     one_focal = model == "RADIAL_FISHEYE"
     fx, fy, cx, cy = (params[0], *params[:3]) if one_focal else params[:4]
-    return Lens(fx, fy, cx, cy, *SIZE, other=ColmapLens(model, params, *SIZE))
+    return Lens(fx, fy, cx, cy, *SIZE, distorted=ColmapLens(model, params, *SIZE))
 
 
 def camera_of(model: str):
@@ -51,33 +51,9 @@ def test_undistorted_photo_is_the_pinhole_picture(model):
     error = undistort(photo_of(model), undo) - color(rays_of(undo.lens))
     # as in test_datasets: bilinear, curvature of the waves below 20, pixels of 1 / focal
     assert error.abs().max() < 2 * 20 / 8 / lens.fx**2
-    assert undo.lens.is_pinhole
+    assert undo.lens.distorted is None
     assert undo.lookup is not None
     assert undo.lookup.isfinite().all()
-
-
-def test_formulas_are_opencvs():
-    """Written out: the order of the parameters is the usual one."""
-    x, y = torch.tensor([[0.3, -0.2], [-0.4, 0.35], [0.0, 0.1]], dtype=torch.float64).unbind(-1)
-    r = (x * x + y * y).sqrt()
-    theta = r.atan()
-    k = (1.0, *K)
-    bent = sum(c * theta ** (2 * i + 1) for i, c in enumerate(k)) / r
-    check("OPENCV_FISHEYE", x, y, bent * x, bent * y)
-    _, _, _, _, k1, k2, p1, p2, k3, k4, k5, k6 = MODELS["FULL_OPENCV"]
-    radial = 1 + k1 * r**2 + k2 * r**4 + k3 * r**6
-    radial = radial / (1 + k4 * r**2 + k5 * r**4 + k6 * r**6)
-    x_d = radial * x + 2 * p1 * x * y + p2 * (r**2 + 2 * x * x)
-    y_d = radial * y + p1 * (r**2 + 2 * y * y) + 2 * p2 * x * y
-    check("FULL_OPENCV", x, y, x_d, y_d)
-
-
-def check(model: str, x, y, x_d, y_d) -> None:
-    lens = lens_of(model)
-    ideal = lens.zoomed(1.0)
-    xy = torch.stack((x * lens.fx + lens.cx, y * lens.fy + lens.cy), -1)
-    expected = torch.stack((x_d * lens.fx + lens.cx, y_d * lens.fy + lens.cy), -1)
-    torch.testing.assert_close(distort(xy, ideal, lens), expected, atol=1e-10, rtol=0)
 
 
 @pytest.mark.parametrize("model", MODELS)
@@ -92,7 +68,7 @@ def test_a_photo_of_another_size_has_the_lens_scaled(model):
 def test_a_lens_without_a_picture_is_refused():
     wrong = ColmapLens("OPENCV_FISHEYE", (45.0, 45.0, 40.0, 30.0, -50.0, 0.0, 0.0, 0.0), *SIZE)
     with pytest.raises(InputError, match=r"OPENCV_FISHEYE 45.*leaves no picture: calibrate"):
-        ideal_lens(Lens(45.0, 45.0, 40.0, 30.0, *SIZE, other=wrong))
+        ideal_lens(Lens(45.0, 45.0, 40.0, 30.0, *SIZE, distorted=wrong))
 
 
 def nerfstudio_record(model: str, folder) -> dict:
@@ -131,14 +107,6 @@ def test_nerfstudio_and_colmap_read_the_same_lens(model, tmp_path):
     again = load_dataset(tmp_path).views[1]
     assert torch.equal(again.image, view.image)
     assert (again.camera.fx, again.camera.fy) == (view.camera.fx, view.camera.fy)
-
-
-def test_other_names_of_a_fisheye(tmp_path):
-    record = nerfstudio_record("OPENCV_FISHEYE", tmp_path)
-    expected = load_dataset(write(tmp_path, record)).views[1].image
-    for change in ({"camera_model": "FISHEYE"}, {"camera_model": "OPENCV", "is_fisheye": True}):
-        view = load_dataset(write(tmp_path, record | change)).views[1]
-        assert torch.equal(view.image, expected)
 
 
 def test_k4_of_an_opencv_lens_is_refused_with_the_two_meanings(tmp_path):

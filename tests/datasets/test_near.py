@@ -7,15 +7,12 @@ from math import log
 
 import pytest
 import torch
-from command_line import gsedit
 from point_clouds import ball
 
 from gsedit import Dataset, View, orbit
 from gsedit.cameras.choose import find_views
 from gsedit.cameras.search import SearchEffort
-from gsedit.datasets.near import dataset_near, viewpoints_near
-from gsedit.datasets.viewpoints import Viewpoint, that_see
-from gsedit.formats.scenes import save
+from gsedit.datasets.viewpoints import Viewpoint, dataset_near, viewpoints_near
 from gsedit.scene.framing import framing_camera
 from rasterizer import Execution, look_at, render
 
@@ -43,21 +40,6 @@ def test_found_views_show_the_same_in_any_unit(factor, kernel):
             assert (a.color - b.color).abs().max() < 1e-3
 
 
-@pytest.mark.parametrize("factor", [1e-3, 1.0, 1e3])
-@pytest.mark.parametrize("count", [1, 20])
-@pytest.mark.parametrize("points", [False, True])
-def test_gaussians_at_one_place_are_seen(count, factor, points):
-    scene = ball(300)[torch.zeros(count, dtype=torch.long)]
-    scene = scaled(scene, factor)
-    if points:  # of no size
-        scene = replace(scene, log_scales=torch.full_like(scene.log_scales, -torch.inf))
-    views = find_views(scene, 3, 32, effort=FEW)
-    assert len(views) == 3
-    assert all(view.world_to_camera.isfinite().all() for view in views)
-    if not points:
-        assert len(that_see([Viewpoint("", view) for view in views], scene)) == 3
-
-
 def test_given_cameras_keep_the_renderers_near_plane_unless_the_units_are_tiny():
     scene = ball(300)
     camera = look_at(
@@ -71,20 +53,3 @@ def test_given_cameras_keep_the_renderers_near_plane_unless_the_units_are_tiny()
     for points, changed in ((None, False), (scene.means, False), (1e-3 * scene.means, True)):
         (view,) = dataset_near(Dataset((photo,), points)).views
         assert (view.camera.near is not None) == changed
-
-
-def test_a_view_that_shows_nothing_is_told(tmp_path, quick_search):
-    scene = ball(300)
-    save(scaled(scene, 1e-3), tmp_path / "small.ply")
-    save(replace(scene, logit_opacities=torch.full((300,), -9.0)), tmp_path / "clear.ply")
-    for name, told in (("small", False), ("clear", True)):
-        result = gsedit(
-            "render", tmp_path / f"{name}.ply", "--count", 2, "--size", 16, "-o", tmp_path / name
-        )
-        assert result.exit_code == 0
-        assert ("show nothing of the scene" in result.stderr) == told
-    clear, looks = tmp_path / "clear.ply", ("as gold", "--editor", "small")
-    edited = gsedit("edit", clear, *looks, "--size", 64, "-o", tmp_path / "e")
-    assert edited.exit_code == 2
-    assert "no opacity reaches 1/255" in edited.stderr
-    assert "Leave out --data" not in edited.stderr

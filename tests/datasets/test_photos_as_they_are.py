@@ -13,7 +13,7 @@ from photo_sets import colmap_dataset
 from PIL import Image
 
 from gsedit import load_dataset
-from gsedit.datasets import photo_pixels
+from gsedit.datasets import load as loading
 from gsedit.errors import InputError
 from gsedit.formats.pictures import read_photo
 
@@ -106,20 +106,6 @@ def test_only_smaller_copies_are_there(kind, tmp_path):
     assert (camera.width, camera.height, camera.cx) == (4, 3, 2)
 
 
-def test_smaller_copies_of_a_calibration_without_its_size(tmp_path):
-    record = dataset(tmp_path, size=(32, 24))
-    del record["w"], record["h"]
-    whole = load_dataset(write(tmp_path, record)).views[0].camera
-    (tmp_path / "images").rename(tmp_path / "images_4")
-    for i in range(3):
-        picture(tmp_path / f"images_4/{i}.png", (8, 6))
-    data = load_dataset(tmp_path)
-    camera = data.views[0].camera
-    assert (camera.width, camera.height) == (8, 6)
-    assert (camera.fx, camera.cx) == pytest.approx((whole.fx / 4, 4))
-    assert "intrinsics are scaled by 0.25" in data.notes[0]
-
-
 def test_a_calibration_of_more_pixels_than_the_photo_has_needs_its_size(tmp_path):
     record = dataset(tmp_path) | {"cx": 16.0, "cy": 12.0}
     del record["w"], record["h"]
@@ -127,21 +113,6 @@ def test_a_calibration_of_more_pixels_than_the_photo_has_needs_its_size(tmp_path
         InputError, match=r"frames\[0\] .*outside of its 8x6 pixels, .*: add those of"
     ):
         load_dataset(write(tmp_path, record))
-
-
-def test_a_folder_of_images_above_the_dataset_is_not_the_datasets(tmp_path):
-    folder = tmp_path / "images" / "bear"
-    write(folder, dataset(folder))
-    for name in ("bear/images/1.png", "bear/1.png"):
-        picture(tmp_path / "images_2" / name, (4, 3), 200)
-    for photo in (folder / "images").iterdir():
-        photo.rename(folder / photo.name)
-    record = dataset(tmp_path / "other")
-    for i, frame in enumerate(record["frames"]):
-        frame["file_path"] = f"{i}.png"
-    data = load_dataset(write(folder, record), size=4)
-    assert float(data.views[1].image.mean()) == pytest.approx(40 / 255)
-    assert not data.notes
 
 
 def test_a_photo_is_turned_by_exif_where_only_that_fits(tmp_path):
@@ -228,7 +199,7 @@ def test_photos_are_read_when_they_are_asked_for(tmp_path, monkeypatch):
         read.append(path.name)
         return read_photo(path, **options)
 
-    monkeypatch.setattr(photo_pixels, "read_photo", counted)
+    monkeypatch.setattr(loading, "read_photo", counted)
     data = load_dataset(write(tmp_path, dataset(tmp_path)))
     assert read == []
     first = data.views[1].image

@@ -13,8 +13,7 @@ from gsedit.diffusion.sampler import Anchor, add_noise, levels_of, sample
 from gsedit.diffusion.schedules import Schedule
 from gsedit.diffusion.settings import SamplerSettings
 from gsedit.errors import UsageError
-from gsedit.paper.presets import Preset, find_preset
-from gsedit.paper.settings import EditSettings
+from gsedit.paper.settings import EditSettings, Preset, find_preset
 
 EPS32 = torch.finfo(torch.float32).eps
 

@@ -128,3 +128,8 @@ def test_a_straight_path_is_the_same_path(solver):
     for other in results[1:]:
         # the level is found again from its training step, with the rounding of 1 - ab
         torch.testing.assert_close(other, results[0], rtol=1e-8, atol=1e-8)
+
+
+def test_a_rectified_flow_reads_a_thousand_times_its_share_of_noise():
+    level = Schedule.rectified_flow().level_at(1.0)
+    assert (level.t, level.a, level.b) == pytest.approx((500, 0.5, 0.5))

@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import pytest
 import torch
-from research.curves import slope
+from research.figures import slope
 from research.sampler.mixtures import (
     MixtureProblem,
     exact_solution,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 import torch
-from research.labelled import statue
+from labelled import statue
 
 from gsedit.cameras.orbit import circle
 from gsedit.datasets.viewpoints import Viewpoint

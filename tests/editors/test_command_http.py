@@ -16,8 +16,6 @@ from programs import batch, run
 
 from gsedit.editors.command.editor import Command
 from gsedit.editors.command.http import main
-from gsedit.editors.command.server import form
-from gsedit.errors import GseditError
 
 SIZE = (48, 32)
 WORKFLOW = {
@@ -231,12 +229,6 @@ def test_a_server_that_misbehaves_is_told_in_one_line(folders, answer, message, 
     assert not list((folders / "output").iterdir())
 
 
-def test_sides_that_a_model_rounds_are_scaled_back(folders):
-    with serving(of_shape(64, 43)) as (_, url):
-        assert send(folders, "openai", url) == 0
-    assert Image.open(folders / "output" / "000.png").size == SIZE
-
-
 @pytest.mark.parametrize(
     ("words", "message"),
     [
@@ -251,13 +243,6 @@ def test_sides_that_a_model_rounds_are_scaled_back(folders):
 def test_what_is_asked_wrongly(folders, words, message, capsys):
     assert send(folders, *words) == 1
     assert message in capsys.readouterr().err
-
-
-def test_a_folder_without_pictures_is_told(folders, capsys):
-    for path in (folders / "input").iterdir():
-        path.unlink()
-    assert send(folders, "openai", "http://127.0.0.1:1") == 1
-    assert "input has no pictures (*.png)" in capsys.readouterr().err
 
 
 def test_a_workflow_without_its_fields_is_refused(folders, capsys):
@@ -290,13 +275,6 @@ def test_the_editor_runs_it(tmp_path):
     assert b'"seed": 11' in asked["prompt"]
 
 
-def test_the_editor_passes_on_what_the_program_said(tmp_path):
-    words = "{python} -m gsedit.editors.command.http openai http://127.0.0.1:1 {input} {output} "
-    editor = Command(words + "--prompt {prompt}", folder=tmp_path / "exchange")
-    with pytest.raises(GseditError, match=r"start the server, or correct the URL"):
-        run(editor, batch())
-
-
 def test_a_key_is_never_shown(folders, monkeypatch, capsys):
     monkeypatch.setenv("GSEDIT_API_KEY", "secret\n")
     with serving() as (server, url):
@@ -307,17 +285,3 @@ def test_a_key_is_never_shown(folders, monkeypatch, capsys):
     said = capsys.readouterr().err
     assert "on one line" in said
     assert "secret" not in said
-
-
-def test_settings_are_written_as_json_has_them():
-    body, _ = form({"stream": True, "size": "8x8"}, {})
-    assert b"true" in body
-    assert b"True" not in body
-
-
-def test_a_mask_that_is_missing_is_told_in_one_line(folders, capsys):
-    words = ["--masks", str(folders / "none")]
-    assert send(folders, "openai", "http://127.0.0.1:1", *words) == 1
-    said = capsys.readouterr().err
-    assert "correct the folders" in said
-    assert said.count("\n") == 1

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from datetime import datetime
-from time import monotonic, sleep
+from time import sleep
 
 import pytest
 import tiny_edits
@@ -17,10 +17,9 @@ from gsedit.diffusion.schedules import Schedule
 from gsedit.diffusion.settings import SamplerSettings
 from gsedit.editing.edit import plan_edit
 from gsedit.editor_protocol import Cost
-from gsedit.editors import EditBatch
 from gsedit.editors.sampling import DiffusionEditor
 from gsedit.paper.estimate import Estimate, cheaper, duration
-from gsedit.paper.presets import find_preset
+from gsedit.paper.settings import find_preset
 
 pytestmark = pytest.mark.usefixtures("offline")
 SETTINGS = replace(
@@ -64,17 +63,6 @@ def test_planning_edits_nothing_and_is_right_about_the_work(model):
     assert plan.estimate.seconds > 0
     again = request(model)["generator"]
     assert torch.equal(again.get_state(), state)
-
-
-def test_the_estimate_is_of_the_time_that_the_batch_takes(model):
-    """Loosely: other programs may take the processor at any time."""
-    views = torch.rand(2, 48, 48, 3, generator=torch.Generator().manual_seed(0))
-    editor, batch = DiffusionEditor(model), EditBatch(views, views, "make it snow")
-    settings = SamplerSettings(steps=8, precision="float32")
-    cost = editor.measure(batch, settings)
-    started = monotonic()
-    list(editor.edit(batch, settings, torch.Generator().manual_seed(0)))
-    assert cost.seconds(2) == pytest.approx(monotonic() - started, rel=4)
 
 
 def test_an_estimate_in_words():

@@ -9,7 +9,7 @@ from closeness import slope_error
 from small_networks import random_network
 
 from gsedit.editors.closed_form import ClosedForm
-from gsedit.editors.small.denoiser import Small
+from gsedit.editors.small.editor import Small
 
 
 def test_closed_form():

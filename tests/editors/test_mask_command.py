@@ -8,7 +8,8 @@ from importlib.metadata import EntryPoint
 import pytest
 import torch
 
-from gsedit.editors.masks import MaskCommand, make_masks
+from gsedit.editors import make_masks
+from gsedit.editors.command.editor import MaskCommand
 from gsedit.errors import GseditError, InputError, UsageError
 
 RED = """
@@ -89,12 +90,12 @@ def test_a_program_that_is_not_there():
 
 
 def test_providers_by_name(monkeypatch):
-    other = EntryPoint("known", "gsedit.editors.masks:MaskCommand", "gsedit.masks")
-    monkeypatch.setattr("gsedit.editors.masks.entry_points", lambda group: [other])
+    other = EntryPoint("known", "gsedit.editors.command.editor:MaskCommand", "gsedit.masks")
+    monkeypatch.setattr("gsedit.editors.plugins.entry_points", lambda group: [other])
     assert isinstance(make_masks("known", run="segment {input} {output}"), MaskCommand)
     with pytest.raises(UsageError, match="choose one of command, clipseg, grounded-sam, known"):
         make_masks("sam9")
-    with pytest.raises(UsageError, match="'known' take no --masks-model"):
+    with pytest.raises(UsageError, match="the known masks has no option --masks-model"):
         make_masks("known", model="folder", run=None)
     for name, needed in (("command", "run"), ("clipseg", "model"), ("grounded-sam", "sam")):
         with pytest.raises(UsageError, match=f"--masks-{needed}"):

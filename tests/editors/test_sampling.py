@@ -99,7 +99,6 @@ def test_what_the_denoiser_declares_is_forwarded_with_the_denoiser():
     declared = DiffusionEditor(denoiser).capabilities
     assert declared.denoiser is denoiser
     assert declared.defaults == DECLARED.defaults
-    assert declared.advice("anything") == ""
     assert declared.find_ground_truth is None
 
 

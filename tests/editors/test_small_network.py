@@ -7,9 +7,8 @@ import torch
 from closeness import NETWORK, assert_near
 from small_networks import TINY, random_network
 
-from gsedit.editors.small.denoiser import Small
+from gsedit.editors.small.editor import Small
 from gsedit.editors.small.network import CHANNELS, PRIOR_STD, SmallNetwork
-from gsedit.editors.small.text import tokenise
 
 
 @pytest.fixture(scope="module")
@@ -21,13 +20,13 @@ def noise(*shape: int, seed: int = 0) -> torch.Tensor:
     return torch.randn(*shape, generator=torch.Generator().manual_seed(seed))
 
 
-def predict(network, x, sigma, picture, shown=1.0, sentence="as a bronze statue"):
+def predict(network, x, sigma, picture, shown=1.0, look=0):
     """x0 of the network."""
     n = len(x)
-    text = network.text_encoder(tokenise([sentence] * n))
+    text = network.looks(torch.tensor([look] * n))
     mask = torch.full((n,), shown)
-    encoded = network.encode_image(picture, mask)
-    return network(x, torch.full((n,), sigma), picture, mask, encoded, text)
+    prepared = network.prepare(picture, mask, network.encode_image(picture, mask))
+    return network.denoise(x, torch.full((n,), sigma), prepared, text)
 
 
 def test_an_untrained_network_predicts_the_picture_where_all_is_noise():
@@ -52,12 +51,6 @@ def test_the_prediction_is_finite_for_any_size_and_noise(small, shape, sigma):
     assert torch.isfinite(x0).all()
 
 
-def test_the_image_encoder_has_features_for_every_pixel(small):
-    encoded = small.network.encode_image(noise(2, CHANNELS, 5, 7), torch.ones(2))
-    assert encoded.geometry.shape == (2, 3, 20, 28)
-    assert encoded.features.shape[-2:] == (5, 7)
-
-
 def test_a_dropped_picture_has_no_influence(small):
     x = noise(1, CHANNELS, 8, 8)
     one, other = noise(1, CHANNELS, 8, 8, seed=1), noise(1, CHANNELS, 8, 8, seed=2)
@@ -66,26 +59,13 @@ def test_a_dropped_picture_has_no_influence(small):
     assert not torch.equal(*(predict(small.network, x, 1.0, picture) for picture in (one, other)))
 
 
-def test_the_instruction_changes_the_prediction(small):
-    x, picture = noise(1, CHANNELS, 8, 8), noise(1, CHANNELS, 8, 8, seed=1)
-    red, blue = (predict(small.network, x, 9.0, picture, sentence=s) for s in ("red", "blue"))
-    assert not torch.allclose(red, blue, atol=1e-6)
-
-
-def test_instructions_of_one_pass_are_as_apart(small):
+def test_looks_of_one_pass_are_as_apart(small):
     """The network computes once for both what it computes for each."""
     network, x, picture = small.network, noise(2, CHANNELS, 5, 7), noise(2, CHANNELS, 5, 7, seed=1)
     ones = torch.ones(2)
     prepared = network.prepare(picture, ones, network.encode_image(picture, ones))
-    text = network.text_encoder(tokenise(["as gold", "as gold", "", ""]))
+    text = network.looks(torch.tensor([1, 1, 0, 0]))
     together = network.denoise(x, 2 * ones, prepared, text).chunk(2)
-    for each, sentence in zip(together, ("as gold", "")):
-        apart = predict(network, x, 2.0, picture, sentence=sentence)
+    for each, look in zip(together, (1, 0)):
+        apart = predict(network, x, 2.0, picture, look=look)
         assert_near(each, apart, NETWORK)
-
-
-def test_views_do_not_influence_each_other(small):
-    x, picture = noise(3, CHANNELS, 8, 8), noise(3, CHANNELS, 8, 8, seed=1)
-    together = predict(small.network, x, 1.0, picture)
-    alone = [predict(small.network, x[i : i + 1], 1.0, picture[i : i + 1]) for i in range(3)]
-    assert_near(together, torch.cat(alone), NETWORK)

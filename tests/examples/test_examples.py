@@ -11,8 +11,8 @@ from contact_sheet import cell as cell_of
 from contact_sheet import save as save_sheet
 from demo import demo
 from from_gsplat import turn
+from labelled import statue
 from PIL import Image
-from research.labelled import statue
 from scenes import random_cloud
 from write_an_editor import Fade, run
 

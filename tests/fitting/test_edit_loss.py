@@ -8,8 +8,7 @@ import torch
 from gsedit.errors import UsageError
 from gsedit.fitting import edit_loss as module
 from gsedit.fitting.edit_loss import check_installed, edit_loss
-from gsedit.fitting.loss_terms import LossTerm, parse_loss
-from gsedit.fitting.settings import UpdateSettings
+from gsedit.fitting.settings import LossTerm, UpdateSettings
 from gsedit.measures.features import FilterBank
 from gsedit.measures.losses import dssim, gram_loss, l1, mse
 from gsedit.measures.perceptual import is_installed, perceptual_distance
@@ -96,25 +95,3 @@ def test_perceptual_without_its_weights_is_refused_with_the_next_move(monkeypatc
 def test_a_loss_that_cannot_be_fitted_is_refused(wrong, message):
     with pytest.raises(UsageError, match=message):
         UpdateSettings(**wrong)
-
-
-def test_a_loss_is_read_in_its_order():
-    assert parse_loss(" 0.5*gram + l1") == (LossTerm("gram", 0.5), LossTerm("l1"))
-
-
-@pytest.mark.parametrize("text", ["mse+gram", "l1", "dssim", "gram"])
-def test_descending_a_loss_comes_nearer_to_the_target(text):
-    terms = UpdateSettings(loss=text).terms
-    generator = torch.Generator().manual_seed(0)
-    target = torch.rand(1, 4, 4, 3, generator=generator).repeat_interleave(8, 1)
-    target = target.repeat_interleave(8, 2)
-    image = torch.full_like(target, 0.5).add_(0.05 * pictures(3)[:1]).requires_grad_()
-    optimizer = torch.optim.Adam([image], lr=0.02)
-    losses = []
-    for _ in range(40):
-        optimizer.zero_grad()
-        loss = edit_loss(image, target, terms, BANK)
-        loss.backward()
-        optimizer.step()
-        losses.append(loss.item())
-    assert losses[-1] < 0.25 * losses[0]

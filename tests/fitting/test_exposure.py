@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from copy import deepcopy
 from dataclasses import replace
 
 import pytest
 import torch
 from research.fit import captures
 
-from gsedit import Checkpoint, FitSettings, View, fit, fit_steps
+from gsedit import FitSettings, View, fit
 from gsedit.fitting.exposure import Exposures
 from gsedit.synthetic.gallery import globe
 from rasterizer import look_at
@@ -109,22 +108,3 @@ def test_a_fit_of_exposed_photos_is_better_with_maps(exposed):
         for mode in ("off", "on")
     }
     assert results["on"] > results["off"] + 0.2
-
-
-def test_maps_are_part_of_a_fits_state(exposed):
-    settings = FitSettings(
-        steps=20, seconds=None, exposure="on", coarse=(), checkpoint_seconds=0.0, evaluations=1
-    )
-    states = []
-    for item in fit_steps(exposed, settings, generator=torch.Generator().manual_seed(0)):
-        if isinstance(item, Checkpoint):
-            states.append(deepcopy(item.state))
-            if item.step == 20:
-                break
-    middle = states[9]
-    generator = torch.Generator().manual_seed(0)
-    for item in fit_steps(exposed, settings, generator=generator, resume=middle):
-        if isinstance(item, Checkpoint) and item.step == 20:
-            break
-    for name in ("exposures.maps", "exposures.seen", "optimizer.value.sh"):
-        torch.testing.assert_close(item.state.tensors[name], states[19].tensors[name])

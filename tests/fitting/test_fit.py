@@ -13,9 +13,9 @@ from gsedit.errors import UsageError
 from gsedit.fitting import initial
 from gsedit.fitting.budget import LEAST_STEPS
 from gsedit.fitting.densify import densify, faded
-from gsedit.fitting.fit import _Fit, evaluate
+from gsedit.fitting.fit import evaluate
 from gsedit.fitting.initial import initial_scene, neighbor_distance
-from gsedit.fitting.optimizer import SH_REST, SceneOptimizer
+from gsedit.fitting.optimizer import SceneOptimizer
 from gsedit.synthetic import ring_cameras, scenes, traced_dataset
 from rasterizer import render
 from rasterizer.project import rotation_matrices
@@ -95,45 +95,6 @@ def test_the_sweep_takes_no_more_than_its_share_of_the_budget(monkeypatch):
     assert rows[-1] - rows[0] >= 8  # spread over all photos
 
 
-def test_the_start_from_the_photos_is_part_of_the_budget(monkeypatch):
-    now = 0.0
-
-    def slow_start(*asked, **more):
-        nonlocal now
-        now += 9.0
-        return initial_scene(*asked, **more)
-
-    monkeypatch.setattr("gsedit.fitting.fit.initial_scene", slow_start)
-    settings = FitSettings(steps=5, seconds=10.0, dense_start=0, coarse=())
-    *_, result = fit_steps(photos(3, 16), settings, generator=generator(), clock=lambda: now)
-    assert (result.steps, result.seconds) == (5, 9.0)
-    more = replace(settings, seconds=8.0, steps=50)
-    *_, result = fit_steps(photos(3, 16), more, generator=generator(), clock=lambda: now)
-    assert (result.steps, result.seconds) == (LEAST_STEPS, 9.0)
-
-
-def test_a_batch_counts_the_gradient_of_each_photo(monkeypatch):
-    signs = iter((1.0, -1.0))  # their sum has no gradient
-    monkeypatch.setattr(_Fit, "_loss", lambda self, scene, *_: next(signs) * scene.means.sum())
-    settings = FitSettings(steps=1, seconds=None, coarse=(), batch=2, checkpoint_seconds=0.0)
-    data = photos(3, 32)  # two of them are trained on
-    start = initial_scene(data, 0, generator())
-    items = list(fit_steps(data, settings, generator=generator(), start=start))
-    (state,) = [item.state.within("gradients") for item in items if isinstance(item, Checkpoint)]
-    assert (state["pictures"] == 2).all()
-    assert (state["total"] > 0).all()
-
-
-def test_a_fit_continues_from_a_scene():
-    data = photos(5, 32)
-    first = fit(
-        data, FitSettings(steps=30, seconds=None, dense_start=0), generator=generator()
-    ).scene
-    more = FitSettings(steps=3, seconds=None, coarse=())
-    again = fit(data, more, generator=generator(), start=first)
-    assert abs(again.psnr - evaluate(first, data.split()[1])) < 2.0
-
-
 def test_a_fit_without_budget_or_photos_is_refused():
     data = photos(3, 16)
     with pytest.raises(UsageError, match="--minutes"):
@@ -169,12 +130,6 @@ def test_the_first_scene_is_the_sparse_points():
     assert torch.allclose(scene.log_scales.exp()[:, 0], neighbor_distance(scene.means))
     without = initial_scene(replace(data, points=None, point_colors=None), 0, generator())
     assert len(without) > 1000
-
-
-def test_neighbor_distance_on_a_grid_is_its_spacing():
-    axis = torch.arange(4.0) * 0.5
-    grid = torch.cartesian_prod(axis, axis, axis)
-    assert torch.allclose(neighbor_distance(grid), torch.full((64,), 0.5))
 
 
 def test_densify_divides_the_strongest_and_drops_the_transparent():
@@ -258,19 +213,6 @@ def test_replacing_the_scene_keeps_the_moments_of_the_rows_that_stay():
     pull(two)
     assert torch.allclose(one.scene.means[order[:2]], two.scene.means[:2])
     assert not torch.allclose(one.scene.means[5], two.scene.means[2])
-
-
-def test_view_dependent_color_learns_slower_than_base_color():
-    data = photos(3, 24)
-    start = initial_scene(data, 2, generator())
-    optimizer = SceneOptimizer(start, {"sh": 0.1})
-    for _ in range(5):
-        render(optimizer.scene, data.views[0].camera).color.square().sum().backward()
-        optimizer.step()
-    moved = (optimizer.scene.sh - start.sh).detach().abs().amax((0, 2))
-    # Adam's first steps are of the size of the rate, whatever the gradient
-    assert moved[1:].max() < 1.2 * SH_REST * moved[0]
-    assert moved[1:].max() > 0
 
 
 def test_densify_lowers_opacities_by_the_decay_and_by_half_at_most():

@@ -69,16 +69,6 @@ def test_steps_of_some_rows_equal_steps_of_all(limited, compiled):
     assert torch.equal(other.sh[-1], scene.sh[-1])
 
 
-def test_both_kinds_of_steps_may_alternate():
-    scene = cloud()
-    one, other = (SceneOptimizer(scene, RATES) for _ in range(2))
-    for part in range(6):
-        steps = list(schedule(60, len(scene)))[10 * part : 10 * part + 10]
-        run(one, steps, few=False)
-        run(other, steps, few=part % 2 == 0)
-    torch.testing.assert_close(one.scene.sh, other.scene.sh, rtol=2e-4, atol=2e-5)
-
-
 def test_a_step_is_that_of_torch(compiled):
     scene = cloud()
     optimizer = SceneOptimizer(scene, {"means": 0.1}, compiled=compiled)
@@ -125,16 +115,6 @@ def test_the_kernel_does_what_torch_does(few, dtype):
         torch.testing.assert_close(
             state[name], value, rtol=bar, atol=bar * float(value.abs().max())
         )
-
-
-def test_a_step_that_the_kernel_cannot_take_is_an_error(monkeypatch):
-    if lazy_adam.load() is None:
-        pytest.skip("no C++ compiler on this machine")
-    monkeypatch.setattr(lazy_adam, "function", lambda *_: lambda _: 1)  # as it returns then
-    optimizer = SceneOptimizer(cloud(), RATES, compiled=True)
-    optimizer.scene.sh.sum().backward()
-    with pytest.raises(MemoryError, match="no memory to move 12 rows"):
-        optimizer.step()
 
 
 @pytest.mark.parametrize("name", ["first.sh", "second.sh", "value.sh", "steps"])

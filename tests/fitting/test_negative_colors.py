@@ -7,7 +7,7 @@ from dataclasses import replace
 import torch
 
 from gsedit import View
-from gsedit.fitting.optimizer import LOWEST_COLOR, SceneOptimizer
+from gsedit.fitting.optimizer import SceneOptimizer
 from gsedit.fitting.settings import UpdateSettings
 from gsedit.fitting.update import Target, rates, update_steps
 from gsedit.measures.features import FilterBank
@@ -45,12 +45,3 @@ def test_a_scene_whose_blue_is_negative_becomes_blue():
     after = blue(optimizer.scene.detach())
     assert after[seen].max() > 0.05  # 20 steps of Adam move a color by 0.08; it was -0.2
     torch.testing.assert_close(after[~seen], blue(yellow)[~seen])  # the others do not move
-
-
-def test_only_negative_base_colors_are_raised():
-    scene, yellow = scene_without_blue()
-    optimizer = SceneOptimizer(yellow, {"sh": 1e-2})
-    optimizer.raise_negative_colors(torch.ones(len(scene), dtype=torch.bool))
-    raised = optimizer.scene.detach()
-    torch.testing.assert_close(blue(raised), torch.full((len(scene),), LOWEST_COLOR))
-    torch.testing.assert_close(raised.sh[:, 0, :2], yellow.sh[:, 0, :2])

@@ -14,7 +14,13 @@ from gsedit.runs.state import KEY, load_state, save_state
 from gsedit.synthetic import ring_cameras, scenes, traced_dataset
 
 SETTINGS = FitSettings(
-    steps=24, seconds=None, dense_start=50, densify_every=5, report_every=1, checkpoint_seconds=0.0
+    steps=24,
+    seconds=None,
+    dense_start=50,
+    densify_every=5,
+    report_every=1,
+    exposure="on",
+    checkpoint_seconds=0.0,
 )
 
 

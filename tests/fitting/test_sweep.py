@@ -8,7 +8,6 @@ import pytest
 import torch
 from scipy.spatial import KDTree
 
-from gsedit.fitting import initial
 from gsedit.fitting.initial import initial_scene, swept_points
 from gsedit.synthetic import ring_cameras, scenes, traced_dataset
 
@@ -75,33 +74,10 @@ def test_a_start_keeps_to_its_limit(photos):
     assert len(initial_scene(photos, 0, generator(), swept=500)) > 5000
 
 
-def test_depths_are_measured_of_some_of_very_many_points(photos):
-    whole = initial._inverse_depths(photos.views, photos.points)
-    few = initial._inverse_depths(photos.views, photos.points, 500)
-    assert few == pytest.approx(whole, rel=0.05)
-    assert few != whole
-
-
-def test_neighbors_are_near_elsewhere_and_look_the_same_way():
-    centers = torch.tensor([[0.0, 0, 0], [3, 0, 0], [1, 0, 0], [0, 0, 0], [0, 1, 0], [2, 0, 0]])
-    axes = torch.tensor([[0.0, 0, 1]]).repeat(6, 1)
-    axes[4] = torch.tensor([0.0, 1, 0])
-    assert initial._neighbors(centers, axes, 0) == [2, 5, 1]
-    assert initial._neighbors(centers, axes, 4) == []
-
-
 def test_small_photos_give_fewer_patches_than_are_asked_for(photos):
     small = [view.resized(40, 40) for view in photos.views]
     places, _ = swept_points(small, 10**6, (0.2, 0.7), generator())
     assert 50 < len(places) <= len(small) * 8 * 8  # 5x5 pixels each
-
-
-def test_photos_are_read_when_they_are_swept(photos, monkeypatch):
-    read = []
-    small = initial._small
-    monkeypatch.setattr(initial, "_small", lambda view: read.append(view.name) or small(view))
-    swept_points(photos.views, 500, (0.2, 0.7), generator(), lambda: bool(read))
-    assert len(read) == len(set(read)) == 1 + initial.NEIGHBORS
 
 
 def test_photos_smaller_than_a_patch_are_no_fault(photos):

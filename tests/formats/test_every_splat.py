@@ -10,8 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-import torch
-from ksplat_files import ksplat, near_grey
+from ksplat_files import near_grey
 from scipy.spatial import cKDTree
 from shared_data import DATA
 
@@ -88,7 +87,6 @@ FOREIGN = {
     "tiny-gsply.spz": STEPS[".spz"],
     # it cuts opacities off at a step of 1 / 255, where gsedit rounds to the nearest
     "tiny.sog": STEPS[".sog"]._replace(opacities=1 / 255),
-    "tiny-streamed": STEPS[".sog"]._replace(opacities=1 / 255),
     "tiny.glb": STEPS[".glb"],
     "tiny.splat": STEPS[".splat"],
     "tiny.ksplat": KSPLAT,
@@ -173,26 +171,6 @@ def assert_kept(kept: Kept, table: SplatTable, back: SplatTable) -> None:
     camera = orbit(shown, 4, 96)[1]
     picture = render(gaussians_of(back), camera).color
     assert psnr(picture, render(shown, camera).color) > kept.decibels
-
-
-def test_a_ksplat_converts(tmp_path):
-    """A .ksplat is only read: it converts to other formats."""
-    ksplat(tmp_path / "a.ksplat", 1, near_grey(40, 2))
-    table = open_scene(tmp_path / "a.ksplat").table()
-    for kept in FORMATS[:2]:
-        np.testing.assert_array_equal(again(table, kept, tmp_path).sh, table.sh)
-
-
-def test_biker_looks_the_same_from_both_files():
-    """One camera, placed in the frame of memory: the .spz is turned from its own axes."""
-    if not SPLATS.is_dir():
-        pytest.skip("needs ../shared/data/splats")
-    spz, ply = (
-        gaussians_of(open_scene(SPLATS / f"biker{suffix}").table())
-        for suffix in (".spz", ".compressed.ply")
-    )
-    camera = orbit(ply, 4, 96, up=torch.tensor([0.0, -1.0, 0.0]))[1]
-    assert psnr(render(spz, camera).color, render(ply, camera).color) > 40
 
 
 def test_packed_formats_need_neither_torch_nor_gsply(tmp_path):

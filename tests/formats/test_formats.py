@@ -74,12 +74,6 @@ def test_exact_formats_keep_everything(suffix, degree, tmp_path):
     assert header.comments[0] == "Vertical Axis: z"
 
 
-def test_a_long_comment_among_many_is_kept(tmp_path):
-    comments = ("x" * 3000, *("y",) * 2000)
-    written(random_table(3, 0), tmp_path / "a.npz", comments=comments)
-    assert open_scene(tmp_path / "a.npz").header.comments == comments
-
-
 @pytest.mark.parametrize("suffix", formats.WRITABLE)
 def test_parts_without_rows_change_nothing(suffix, tmp_path):
     """As a filter leaves them."""
@@ -122,20 +116,6 @@ def test_two_d_splats_are_disks(tmp_path):
     np.testing.assert_allclose(scales[:, 2], 1e-6, rtol=1e-5)
     assert (scales[:, :2] > 1e-3).all()
     assert any("2D splats" in note for note in source.notes)
-
-
-def test_ascii_with_elements_before_and_behind(tmp_path):
-    lines = ["ply", "format ascii 1.0", "element face 2", "property list uchar int vertex_indices"]
-    lines += ["element vertex 5", *(f"property float {name}" for name in PLY_COLUMNS)]
-    lines += ["element intrinsic 2", "property float focal", "end_header"]
-    lines += ["3 0 1 2", "3 1 2 3"]
-    lines += [" ".join(repr(float(v)) for v in row) for row in scene_table()]
-    (tmp_path / "a.ply").write_text("\n".join([*lines, "1.5", "2.5"]))
-    (tmp_path / "b.ply").write_bytes(ply_bytes(scene_table()))
-    source = open_scene(tmp_path / "a.ply")
-    assert_equal(source.table(), open_scene(tmp_path / "b.ply").table())
-    assert source.header.elements["intrinsic"]["focal"].tolist() == [1.5, 2.5]
-    assert source.notes == ("elements left out: face",)
 
 
 def test_normals_that_are_not_zero_are_kept(tmp_path):
@@ -281,27 +261,6 @@ def test_a_name_that_no_column_can_have_is_refused(name, tmp_path):
     with pytest.raises(UsageError, match=r"/a\.ply: a column cannot be named"):
         written(table, tmp_path / "a.ply")
     assert not list(tmp_path.iterdir())
-
-
-def test_any_other_name_is_kept(tmp_path):
-    table = random_table(3).replace(extra={name: np.arange(3.0) for name in ("splat", "a,b")})
-    assert_equal(written(table, tmp_path / "a.ply"), table)
-
-
-def test_npz_elements_that_are_no_tables_are_named(tmp_path):
-    table = random_table(9, 0)
-    arrays = {name: getattr(table, name) for name in SPLAT_FIELDS}
-    flags = np.zeros(2, [("on", bool)])
-    wrong = {
-        "elements/a": np.zeros(3),
-        "elements/b": flags,
-        "elements/c d": np.zeros(1, [("e", int)]),
-    }
-    np.savez(tmp_path / "a.npz", **arrays, **wrong)
-    source = open_scene(tmp_path / "a.npz")
-    assert source.notes == (f"arrays left out: {', '.join(wrong)}",)
-    write_scene(tmp_path / "a.ply", source.header, source.blocks())
-    assert_equal(open_scene(tmp_path / "a.ply").table(), table)
 
 
 def test_columns_beside_packed_ones_are_named(tmp_path):

@@ -14,7 +14,7 @@ from splat_tables import assert_near, random_table
 
 from gsedit.errors import InputError
 from gsedit.formats.axes import LUF, to_axes
-from gsedit.formats.gltf.file import EXTENSION, holds_splats
+from gsedit.formats.gltf.file import EXTENSION
 from gsedit.formats.registry import open_scene, write_scene
 from gsedit.formats.streams import SceneHeader, in_blocks
 from gsedit.scene.quaternions import axis_rotation
@@ -156,15 +156,6 @@ def test_nodes_place_their_splats(tmp_path):
     assert_near(to_axes(again, LUF), placed, **{**EXACT, "means": 1e-5, "opacities": 1e-5}, sh=1e-5)
 
 
-def test_without_scenes_every_node_that_is_nobodys_child_is_shown_once(tmp_path):
-    table = random_table(5, 0)
-    scene, data = by_hand(table)
-    del scene["scenes"], scene["scene"]
-    scene["nodes"] = [{"children": [1]}, {"mesh": 0}]
-    again = open_scene(glb(tmp_path / "a.glb", scene, data)).table()
-    assert_near(again, table, **{**EXACT, "opacities": 1e-5})
-
-
 def test_another_color_space_is_named(tmp_path):
     scene, data = by_hand(random_table(5, 0))
     about = scene["meshes"][0]["primitives"][0]["extensions"][EXTENSION]
@@ -184,13 +175,6 @@ def test_negative_scales_are_logarithms(tmp_path):
     source = open_scene(glb(tmp_path / "a.glb", scene, rows.tobytes()))
     assert "logarithms" in source.notes[0]
     np.testing.assert_array_equal(source.table().log_scales, table.log_scales)
-
-
-def test_a_mesh_is_no_splats(tmp_path):
-    scene, data = by_hand(random_table(5, 0))
-    del scene["meshes"][0]["primitives"][0]["extensions"]
-    path = glb(tmp_path / "a.glb", scene, data)
-    assert not holds_splats(path)
 
 
 LIES = {

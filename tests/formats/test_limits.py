@@ -10,18 +10,16 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from bad_files import PLY_COLUMNS, dataset, ply_bytes, scene_table, write
+from bad_files import dataset, write
 from PIL import Image
 from splat_tables import random_table
 
 from gsedit import load_dataset
-from gsedit.datasets.photo_pixels import LARGE_PIXELS
+from gsedit.datasets.load import LARGE_PIXELS
 from gsedit.errors import InputError
 from gsedit.formats.flags import read_flags
-from gsedit.formats.mesh import _texels
 from gsedit.formats.pictures import LIMIT_VARIABLE, picture_size, read_photo
 from gsedit.formats.registry import open_scene
-from gsedit.formats.scenes import load
 from gsedit.formats.validity import invalid_rows
 
 
@@ -41,14 +39,6 @@ def test_a_row_beyond_any_scene_is_invalid_as_nan_is(field, value):
     table = random_table(9)
     getattr(table, field)[4, ..., -1] = value
     assert invalid_rows(table).nonzero()[0].tolist() == [4]
-
-
-def test_the_row_and_the_column_are_named(tmp_path):
-    rows = scene_table()
-    rows[3, PLY_COLUMNS.index("y")] = 1e20
-    (tmp_path / "a.ply").write_bytes(ply_bytes(rows))
-    with pytest.raises(InputError, match=r"row 3 .*column y is 1e\+20, beyond any scene; 1 of 5"):
-        load(tmp_path / "a.ply")
 
 
 def large_png(path, side=13000):
@@ -113,15 +103,6 @@ def test_a_large_photo_that_is_read_small_is_averaged_first(tmp_path):
     tracemalloc.stop()
     assert small[:, :19].max() == 0
     assert np.allclose(small[:, 21:], 200 / 255)
-
-
-def test_texels_are_looked_up_before_they_become_floats():
-    picture = Image.new("RGB", (2000, 2000), (255, 51, 0))
-    tracemalloc.start()
-    colors = _texels(picture, np.array([[0.3, -7.2], [1e8, 0.5]]))
-    assert tracemalloc.get_traced_memory()[1] < 30e6  # twice 3 bytes a pixel
-    tracemalloc.stop()
-    assert np.allclose(colors, [1, 0.2, 0])
 
 
 def test_floating_point_photos_are_refused(tmp_path):

@@ -115,11 +115,6 @@ def test_colors_of_a_gltf_are_linear_light(shape, tmp_path):
     np.testing.assert_allclose(table.colors, expected, atol=0.01)
 
 
-def test_a_gltf_without_a_factor_is_as_bright_as_its_texture(tmp_path):
-    table = open_scene(export(of_material(), tmp_path / "a.glb"), FEW).table()
-    np.testing.assert_allclose(table.colors, 1, atol=0.01)
-
-
 def test_a_surface_without_colors_is_grey_and_has_no_holes(tmp_path):
     table = open_scene(export(quad(), tmp_path / "a.stl"), FEW).table()
     np.testing.assert_allclose(table.colors, 0.6, atol=0.01)

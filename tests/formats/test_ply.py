@@ -118,13 +118,6 @@ def test_others_read_what_we_write(degree, tmp_path):
     assert len(columns(16)) == 62
 
 
-def test_f_rest_is_channel_major(tmp_path):
-    save(random_scene(degree=2), tmp_path / "scene.ply")
-    vertex = vertices(tmp_path / "scene.ply")
-    green_of_third = torch.from_numpy(vertex["f_rest_10"].copy())  # 8 red ones, then green 0, 1, 2
-    torch.testing.assert_close(green_of_third, random_scene(degree=2).sh[:, 3, 1])
-
-
 @pytest.mark.parametrize("layout", LAYOUTS, ids=lambda f: f.__name__)
 def test_layout_does_not_matter(layout, tmp_path):
     table = scene_table()

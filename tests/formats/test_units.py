@@ -16,7 +16,7 @@ from gsedit.scene.table import table_of
 
 @pytest.mark.parametrize("suffix", sorted({*formats.WRITABLE} & {*formats.READABLE}))
 def test_units_and_frame_survive_or_are_named_as_lost(suffix, tmp_path):
-    """The table of docs/reference/formats.md has a row for each."""
+    """docs/reference/formats.md says which formats keep them."""
     if suffix in formats.USD and find_spec("pxr") is None:
         pytest.skip("needs usd-core (gsedit[usd])")
     told = ("metersPerUnit 0.01", "upAxis Z", "epsg 25832", "offset 691000 5335000 510")

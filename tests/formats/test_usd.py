@@ -17,10 +17,9 @@ from gsedit.formats.registry import open_scene, write_scene
 from gsedit.formats.streams import SceneHeader, in_blocks
 from gsedit.formats.table import USD
 from gsedit.scene.similarity import similarity_of
-from gsedit.scene.table import SplatTable, concatenate_tables
+from gsedit.scene.table import SplatTable
 from gsedit.toolkit.align import AlignLength
-from gsedit.toolkit.steps import scale
-from gsedit.toolkit.transform import Transform
+from gsedit.toolkit.transform import Transform, scale
 
 TINY = Path(__file__).parents[1] / "data" / "splats"
 FIELDS = ("means", "log_scales", "opacities", "sh")
@@ -85,14 +84,6 @@ def test_the_unit_changes_with_the_scale():
     assert known.header(header).comments == ("mine", "upAxis Z")
 
 
-def test_a_file_of_nvidia_holds_the_scene_in_its_own_axes():
-    """Their converter leaves the axes of the .ply, and says that y is up."""
-    table = open_scene(TINY / "tiny.ply").table()[:32]
-    source = open_scene(TINY / "tiny-nvidia.usda")
-    assert (source.format, source.notes) == ("USD text", ())
-    assert_same(source.table(), from_axes(table, RUB), 1e-5)
-
-
 @pytest.mark.parametrize("suffix", USD)
 def test_the_library_reads_what_is_written(suffix, tmp_path):
     from pxr import Usd, UsdGeom, UsdVol  # pyright: ignore[reportMissingImports]
@@ -130,7 +121,7 @@ def test_a_binary_file_of_nvidia_is_read():
 
 
 def test_without_the_library_the_extra_is_named(tmp_path, monkeypatch):
-    monkeypatch.setattr("gsedit.formats.usd.library.find_spec", lambda name: None)
+    monkeypatch.setattr("gsedit.formats.usd.file.find_spec", lambda name: None)
     for act in (
         lambda: open_scene(TINY / "tiny.usdc"),
         lambda: open_scene(TINY / "tiny-nvidia.usda"),
@@ -252,12 +243,3 @@ def test_definitions_that_unpack_to_any_length_are_refused(tmp_path):
     again = "".join(f'def "i{i}" (prepend references = </a>) {{}}\n' for i in range(500))
     with pytest.raises(InputError, match="unpacks to more than 16 MB"):
         open_scene(text(tmp_path, field("a", 4000) + again))
-
-
-def test_one_place_for_many_definitions(tmp_path):
-    """Each as it would be alone."""
-    table = random_table(30, 1)
-    raw = write(tmp_path / "b.usda", table).read_text()
-    inner = raw[raw.index("def ") :]
-    path = text(tmp_path, inner + inner.replace('"Splats"', '"More"'), 'upAxis = "Y"')
-    assert_same(open_scene(path).table(), concatenate_tables([table, table]), 1e-5)

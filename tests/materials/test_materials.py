@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import get_args
 
@@ -10,26 +11,28 @@ import pytest
 import torch
 from bench.reflective import Finish, LitSolid, captured, garden, plain_base
 from changes import Known, changed_by, painted
+from plain_scenes import needles, same_bits
 
 from gsedit.errors import UsageError
-from gsedit.materials.apply import displayed, fitted, in_material
-from gsedit.materials.carving import Relief, engraved
-from gsedit.materials.material import Layer, Material, PatternName, recolored
-from gsedit.materials.named import material_of
+from gsedit.materials.apply import Relief, displayed, engraved, fitted, in_material
+from gsedit.materials.named import material_of, paint_of
 from gsedit.materials.patterns import Ground, share_of
-from gsedit.materials.shading import environment_brdf
-from gsedit.materials.table import MATERIALS
+from gsedit.materials.shading import environment_brdf, lighting
+from gsedit.materials.table import MATERIALS, Layer, Material, PatternName, recolored
 from gsedit.scene.picture import render_picture
 from gsedit.scene.quaternions import even_directions
 from gsedit.surface.normals import rows_near
-from gsedit.synthetic import ring_cameras, scenes
+from gsedit.surface.surroundings import studio
+from gsedit.synthetic import demo_scene, ring_cameras, scenes, surface_gaussians
 from gsedit.words import lexicon
 from gsedit.words.read import read_instruction
+from rasterizer import Camera, Gaussians, look_at
 from rasterizer.harmonics import basis
 from rasterizer.numerics import SH_DC
-from rasterizer.scene import Gaussians
+from rasterizer.render import backproject
 
 PATTERNS = get_args(PatternName)
+PAINT = paint_of("matte teal", "#008080")
 BRONZE = Material("#b98550", metalness=1.0, roughness=0.38)
 
 
@@ -48,11 +51,6 @@ def subject_error(scene, lit, camera, finish):
     truth = lit.photograph(finish, camera, 24, 1).float()
     hit = lit.solid.trace(camera).hit
     return float((render_picture(scene, camera) - truth)[hit].square().mean().sqrt())
-
-
-def test_every_material_of_the_lexicon_is_in_the_table():
-    assert set(lexicon.materials()) <= set(MATERIALS)
-    assert len(MATERIALS) >= 40
 
 
 def test_every_material_that_sends_light_is_made_last():
@@ -164,8 +162,7 @@ def test_what_is_outside_keeps_its_bits_and_reflections_are_told(ball):
     assert not done.scene.sh[~own, 1:].any()
     assert done.scene.degree == 3
     assert any("degree 3" in note for note in done.notes)
-    for name in ("means", "quats", "log_scales", "logit_opacities"):
-        assert torch.equal(getattr(done.scene, name), getattr(scene, name))
+    assert same_bits(done.scene, scene, but=("sh",))
 
 
 def test_what_a_picture_shows_is_shaded_as_in_the_whole(ball):
@@ -228,17 +225,9 @@ def test_a_dark_line_on_flat_metal_turns_what_is_reflected():
 
 def test_needles_and_nothing_are_refused(ball):
     _, scene, own, cameras = ball
-    generator = torch.Generator().manual_seed(3)
-    n = 1500
-    needles = Gaussians(
-        torch.rand(n, 3, generator=generator) * 2 - 1,
-        torch.randn(n, 4, generator=generator),
-        torch.tensor((-2.0, -7.0, -7.0)).repeat(n, 1),
-        torch.zeros(n),
-        torch.zeros(n, 1, 3),
-    )
+    lost = needles(1500)
     with pytest.raises(UsageError, match="no surface"):
-        in_material(needles, torch.ones(n, dtype=torch.bool), BRONZE, cameras)
+        in_material(lost, torch.ones(len(lost), dtype=torch.bool), BRONZE, cameras)
     with pytest.raises(UsageError, match="no Gaussian"):
         in_material(scene, torch.zeros_like(own), BRONZE, cameras)
 
@@ -254,3 +243,52 @@ def test_a_dark_stripe_of_another_hue_goes(ball):
     before = np.abs((striped - scene.sh)[rows, 0].numpy()).mean()
     after = np.abs((over.sh - plain.sh)[rows, 0].numpy()).mean()
     assert after < 0.4 * before
+
+
+def a_scene(n: int = 400) -> Gaussians:
+    return surface_gaussians(demo_scene(), n, torch.Generator().manual_seed(0))
+
+
+def _grown(camera: Camera) -> Camera:
+    pose = camera.world_to_camera.clone()
+    pose[:3, 3] *= 100
+    return replace(camera, world_to_camera=pose)
+
+
+def test_black_surroundings_leave_finite_light():
+    scene = a_scene()
+    around = studio(scene.means.mean(0), torch.tensor((0.0, 0.0, 1.0)))
+    black = replace(around, radiance=torch.zeros_like(around.radiance))
+    assert bool(lighting(black).maps.isfinite().all())
+
+
+def test_a_larger_world_has_the_same_colors(ball):
+    lit, scene, own, _ = ball
+    high = scene.means[:, 2] > 3  # nothing is known of the sky, as in a capture that looks down
+    scene, own = scene[~high], own[~high]
+    cameras = ring_cameras(lit.solid, 6, 48, elevation=30.0)
+    larger = replace(scene, means=100 * scene.means, log_scales=scene.log_scales + math.log(100))
+    made = in_material(scene, own, MATERIALS["gold"], cameras).scene
+    grown = in_material(larger, own, MATERIALS["gold"], [_grown(c) for c in cameras]).scene
+    torch.testing.assert_close(grown.sh, made.sh, atol=0.02, rtol=0)
+
+
+def test_one_gaussian_is_painted():
+    made = in_material(a_scene()[:1], torch.ones(1, dtype=torch.bool), PAINT)
+    assert bool(made.scene.sh.isfinite().all())
+
+
+def test_double_precision_is_painted_as_single():
+    scene = a_scene()
+    inside = torch.arange(len(scene)) < 200
+    single = in_material(scene, inside, PAINT).scene.sh
+    double = scene.map(torch.Tensor.double)
+    assert torch.allclose(in_material(double, inside, PAINT).scene.sh.float(), single, atol=0.02)
+
+
+def test_maps_that_are_projected_back_have_the_size_of_the_picture():
+    camera = look_at(
+        torch.tensor((0.0, 0, 4)), torch.zeros(3), torch.tensor((0.0, 1, 0)), 50.0, 32, 24
+    )
+    with pytest.raises((TypeError, ValueError)):
+        backproject(a_scene(), camera, torch.ones(10, 10, 3))

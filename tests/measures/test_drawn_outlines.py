@@ -5,9 +5,6 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import pytest
-from shared_data import DATA
-
 OUTLINES = json.loads((Path(__file__).parents[1] / "data" / "outlines.json").read_text())
 BEAR = OUTLINES["bear"]
 
@@ -26,9 +23,3 @@ def test_ten_photos_have_outlines_that_lie_in_the_picture():
             assert len(outline) % 2 == 0
             assert all(0 <= each <= 512 for each in outline)
         assert 0.1 < sum(map(area, view["outlines"])) / 512**2 < 0.6, view["photo"]
-
-
-def test_the_photos_are_those_of_the_capture():
-    if not (DATA / "bear").is_dir():
-        pytest.skip("the bear's photos are not in ../shared/data")
-    assert all((DATA / "bear" / view["photo"]).is_file() for view in BEAR)

@@ -7,8 +7,6 @@ from gsedit.errors import UsageError
 from gsedit.measures.features import BINOMIAL, OPPONENT, FilterBank
 from gsedit.measures.losses import dssim, gram, gram_loss, l1, mse, ssim
 
-EPS32 = torch.finfo(torch.float32).eps
-
 
 def picture(*shape, seed=0, dtype=torch.float64):
     return torch.rand(*shape, dtype=dtype, generator=torch.Generator().manual_seed(seed))

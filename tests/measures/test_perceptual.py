@@ -14,16 +14,17 @@ import torch
 
 from gsedit.errors import InputError, UsageError
 from gsedit.measures import metrics, perceptual
-from gsedit.measures.features import FilterBank, with_equal_energy
-from gsedit.measures.networks import (
+from gsedit.measures.perceptual import (
     ALEXNET,
     VGG16,
+    PerceptualDistance,
     ShiftTolerantAlexNet,
     Vgg16,
     blur_pool,
+    perceptual_distance,
     standardised,
+    vgg_features,
 )
-from gsedit.measures.perceptual import PerceptualDistance, perceptual_distance, vgg_features
 from gsedit.synthetic import demo_scene, ring_cameras
 
 EPS32 = torch.finfo(torch.float32).eps
@@ -223,9 +224,3 @@ def test_the_installed_vgg_has_layers_of_equal_energy(photo):
     energies = [float(layer.square().mean()) for layer in layers]
     # made equal on noise; a picture with flat parts has less detail, which VGG's middle layers see
     assert max(energies) < 30 * min(energies), energies
-
-
-def test_equal_energy_hardly_changes_the_filter_bank():
-    """Its channels have it by construction, in the mean over the channels of a layer."""
-    factors = with_equal_energy(FilterBank()).factors
-    assert all(0.5 < factor < 2 for factor in factors), factors

@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from gsedit.errors import InputError, UsageError
-from gsedit.measures.networks import VGG16, Vgg16
+from gsedit.measures.perceptual import VGG16, Vgg16
 
 EPS32 = torch.finfo(torch.float32).eps
 
@@ -81,19 +81,6 @@ def test_vgg16_reads_only_what_its_layers_need(state, tmp_path):
         Vgg16(path)
     with pytest.raises(UsageError, match="relu9_9"):
         Vgg16(path, layers=("relu9_9",))
-
-
-def test_vgg16_reads_safetensors_alike(state, tmp_path):
-    from safetensors.torch import save_file
-
-    first = {k: v for k, v in state.items() if k.split(".")[1] == "0"}
-    torch.save(first, tmp_path / "a.pth")
-    save_file(first, tmp_path / "a.safetensors")
-    images = picture(1, 3, 8, 8, dtype=torch.float32)
-    (one,), (other,) = (
-        Vgg16(tmp_path / name, layers=("relu1_1",))(images) for name in ("a.pth", "a.safetensors")
-    )
-    assert torch.equal(one, other)
 
 
 BROKEN = {

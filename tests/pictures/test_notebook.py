@@ -78,12 +78,6 @@ def test_html_escapes_what_people_typed():
     assert "left out" not in html
 
 
-def test_ipython_shows_the_picture():
-    formatters = pytest.importorskip("IPython.core.formatters")
-    shown, _ = formatters.DisplayFormatter().format(ball())
-    assert set(shown) == {"text/plain", "image/png"}
-
-
 def test_the_exported_clouds_hold_the_centers():
     scene = ball(5)
     for make, centers in (

@@ -14,18 +14,18 @@ from research.paper import claims, folder, measure
 from research.paper.arms import ONE_IN, ONE_OUT, base_of, preset_arms
 from research.paper.cases import captured
 from research.paper.measure import run_to_file, settings_of, strategy_of
+from research.paper.observe import EXACT, Point
 from research.paper.race import Costs, final_error, race, regimes
 from research.paper.runs import Arm, Case, Record, Run, read_record
 from research.paper.studies import FULL, QUICK, Study, distinct, studies
 from research.paper.varied import Varied
 from research.paper.verdicts import verdict_of
 
-from gsedit.bench.edit import EXACT, Point
 from gsedit.diffusion.sampler import levels_of
 from gsedit.editors import EditBatch
 from gsedit.editors.sampling import DiffusionEditor
 from gsedit.errors import InputError, UsageError
-from gsedit.paper.presets import PRESETS
+from gsedit.paper.settings import PRESETS
 
 CASE = Case("globe", "make it night", 32, 1, 32, 150, 9)
 SHORT = Arm("paper", "paper", options={"update_steps": 12}, settings={"batches": 1})

@@ -6,8 +6,7 @@ import json
 
 import pytest
 import torch
-from research.curves import slope
-from research.figures import draw_errors
+from research.figures import draw_errors, slope
 from research.sampler import consensus_study, solver_study
 from research.sampler.__main__ import lines_of
 from research.sampler.measurements import SamplerMeasurement, table

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import math
 from pathlib import Path
 
 import pytest
 
 from gsedit import Event
-from gsedit.errors import InputError
-from gsedit.pictures.figures import curves
-from gsedit.pictures.stage_table import spans, table
+from gsedit.pictures.figures import curves, spans, table
 from gsedit.runs.journal import event_journal, read_events
 
 EVENTS = [
@@ -40,32 +37,6 @@ def write(path: Path, events: list[Event], end: str = "") -> None:
 def test_what_is_written_is_read_back(path):
     write(path, EVENTS)
     assert read_events(path) == EVENTS
-
-
-def test_a_line_cut_off_by_an_interruption_is_left_out(path):
-    write(path, EVENTS[:-1], end='{"stage": "upd')
-    assert read_events(path) == EVENTS[:-1]
-
-
-def test_numbers_that_json_lacks_become_null(path):
-    write(path, [Event("fit", 1.0, loss=math.nan, error=math.inf)])
-    record = json.loads(path.read_text())
-    assert record["loss"] is None
-    assert record["error"] is None
-
-
-@pytest.mark.parametrize(
-    "line", ["{", "3", "[]", '{"stage": "fit"}', '{"stage": "fit", "seconds": 1.0, "odd": 2}']
-)
-def test_a_line_that_is_no_event_is_named(path, line):
-    write(path, EVENTS[:1], end=line + "\n")
-    with pytest.raises(InputError, match=r"metrics\.jsonl, line 2: .*seconds"):
-        read_events(path)
-
-
-def test_a_missing_file_is_named(tmp_path):
-    with pytest.raises(InputError, match=r"nothing\.jsonl"):
-        read_events(tmp_path / "nothing.jsonl")
 
 
 def test_curves_hold_only_what_was_measured():

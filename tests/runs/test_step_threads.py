@@ -20,7 +20,7 @@ class Machine:
     def __init__(self) -> None:
         self.now, self.waited, self.others = 0.0, 0.0, 0.0
         """`others`: threads of this process that wait when it takes all of `COUNT`."""
-        self.threads = StepThreads(lambda: self.now, lambda: self.waited)
+        self.threads = StepThreads(lambda: self.now, lambda: self.waited, COUNT)
 
     def step(self) -> int:
         """Make one, and return on how many threads."""
@@ -39,7 +39,6 @@ def undecided(monkeypatch):
     """Torch took COUNT threads, and no variable says otherwise."""
     for name in step_threads.DECIDED_BY:
         monkeypatch.delenv(name, raising=False)
-    monkeypatch.setattr(step_threads, "TORCH_CHOICE", COUNT)
     before = torch.get_num_threads()
     torch.set_num_threads(COUNT)
     yield
@@ -95,22 +94,20 @@ def test_the_user_decides(how, monkeypatch):
     assert machine.steps(5) == [wanted] * 5
 
 
-def test_where_nobody_counts_a_step_takes_all(monkeypatch, tmp_path):
-    monkeypatch.setattr(step_threads, "TASKS", tmp_path / "none")
-    assert waited_seconds() is None
-    threads = StepThreads(iter(range(100)).__next__)
+def test_where_nobody_counts_a_step_takes_all(tmp_path):
+    assert waited_seconds(tmp_path / "none") is None
+    threads = StepThreads(iter(range(100)).__next__, lambda: None, COUNT)
     for _ in range(5):
         with threads.step():
             assert torch.get_num_threads() == COUNT
 
 
-def test_threads_that_wait_are_added_up(monkeypatch, tmp_path):
+def test_threads_that_wait_are_added_up(tmp_path):
     for name, text in (("1", "5 2000000000 3"), ("2", "5 500000000 3")):
         (tmp_path / name).mkdir()
         (tmp_path / name / "schedstat").write_text(text)
     (tmp_path / "3").mkdir()  # it has ended
-    monkeypatch.setattr(step_threads, "TASKS", tmp_path)
-    assert waited_seconds() == pytest.approx(2.5)
+    assert waited_seconds(tmp_path) == pytest.approx(2.5)
 
 
 @pytest.mark.skipif(not os.path.exists("/proc/self/schedstat"), reason="Linux counts waiting")

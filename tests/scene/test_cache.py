@@ -7,9 +7,8 @@ from typing import Any
 import pytest
 import torch
 
-from gsedit.light.present import survey
-from gsedit.scene.cache import EACH, SceneCache, cached_per_scene
-from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
+from gsedit.scene.cache import SceneCache, cached_per_scene
+from gsedit.synthetic import demo_scene, surface_gaussians
 from rasterizer.scene import Gaussians
 
 
@@ -72,17 +71,6 @@ def test_arguments_are_told_apart_by_what_they_hold(scene):
         assert count.times == 2
 
 
-def test_only_the_latest_results_are_kept(scene):
-    count = Counted()
-    with SceneCache(scene).used():
-        for factor in range(EACH + 1):
-            count.function(scene, float(factor))
-        count.function(scene, float(EACH))
-        assert count.times == EACH + 1
-        count.function(scene, 0.0)
-        assert count.times == EACH + 2
-
-
 def test_what_fails_is_asked_again(scene):
     @cached_per_scene
     def fails(scene):
@@ -108,12 +96,3 @@ def test_two_threads_that_ask_at_once_compute_once(scene):
     for each in threads:
         each.join()
     assert count.times == 1
-
-
-def test_a_kept_survey_is_that_which_is_made_anew(scene):
-    cameras = ring_cameras(demo_scene(), 4, 32)
-    anew = survey(scene, cameras)
-    with SceneCache(scene).used():
-        first, second = survey(scene, cameras), survey(scene, list(cameras))
-    assert second is first
-    assert torch.equal(first.light, anew.light)

@@ -107,12 +107,6 @@ def test_what_no_picture_shows_has_larger_groups(scenes):
     assert len(other.scene) <= 2 * len(whole)
 
 
-def test_no_camera_that_sees_anything_is_none(scenes):
-    whole, fine, coarse = scenes
-    behind = [replace(camera, cx=1e9) for camera in ring_cameras(demo_scene(), 2, 64)]
-    assert torch.equal(coarsen(fine, 2 * len(whole), behind).group, coarse.group)
-
-
 def test_a_stray_does_not_put_all_others_into_one_group(scenes):
     whole, fine, coarse = scenes
     means = fine.means.clone()

@@ -1,9 +1,11 @@
-"""Planes fitted to points, also where the points do not decide it."""
+"""Planes fitted to points, also where the points do not decide it; what an object stands on."""
 
 import numpy as np
 import pytest
+from research.labelled import statue
 
-from gsedit.scene.planes import refined_plane
+from gsedit.scene.neighbors import extent_of
+from gsedit.scene.planes import find_support, refined_plane
 
 
 @pytest.mark.parametrize("across", [0.0, 1e-9, 1.0])
@@ -14,3 +16,22 @@ def test_a_fitted_plane_has_a_normal_of_length_1_also_for_points_in_a_line(acros
     normal, offset = refined_plane(line, np.array([0.0, 0.0, 1.0]), 0.0, 0.1)
     assert np.linalg.norm(normal) == pytest.approx(1)
     assert np.abs(line @ normal - offset).max() < 0.1
+
+
+def test_a_figure_stands_on_the_top_of_its_block():
+    labelled = statue(0, 1500)
+    points, subject = labelled.gaussians.means.numpy(), labelled.subject.numpy()
+    support = find_support(points, subject, np.ones(len(points)))
+    assert support is not None
+    np.testing.assert_allclose(support.normal, (0, 0, 1), atol=0.02)
+    top = -0.32  # of the block in `statue`, whose Gaussians are just below its surface
+    assert abs(support.offset - top) < 0.02 * extent_of(points[subject])
+    assert (support.heights(points[subject]) > support.band).mean() > 0.99
+
+
+def test_a_ball_in_a_cloud_stands_on_nothing():
+    random = np.random.default_rng(1)
+    points = random.uniform(-1, 1, (3000, 3))
+    ball = np.linalg.norm(points, axis=1) < 0.5
+    assert find_support(points, ball, np.ones(len(points))) is None
+    assert find_support(points[ball], ball[ball], np.ones(ball.sum())) is None

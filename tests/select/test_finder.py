@@ -92,7 +92,7 @@ def test_a_noun_that_may_be_any_of_several_objects_is_refused_with_their_numbers
 
 
 def test_a_mask_drawn_on_a_photo_is_undistorted_as_the_photo_is(tmp_path):
-    lens = Lens(40.0, 40.0, 16.0, 16.0, 32, 32, k1=0.2)
+    lens = Lens(40.0, 40.0, 16.0, 16.0, 32, 32).bent(k1=0.2)
     levels = np.zeros((64, 64), np.uint8)
     levels[10:50, 5:30] = 255
     view = Viewpoint("images/a.jpg", RING[0], lens)

@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from labelled import statue
 from PIL import Image
 from regions_iou import iou
-from research.labelled import statue
 
 from gsedit import View
 from gsedit.cameras.orbit import circle
 from gsedit.errors import InputError, UsageError
 from gsedit.formats.flags import read_flags
-from gsedit.paper.vote_region import find_changed
+from gsedit.paper.edit_views import find_changed
 from gsedit.select.finder import Finder
 from gsedit.select.masked import read_masks
 from gsedit.select.region import (
@@ -28,6 +28,7 @@ from gsedit.select.region import (
     otsu,
     save_region,
     tinted,
+    within_silhouette,
 )
 from gsedit.select.surfaces import neighbors, smooth
 from gsedit.select.where import check_region, expression_of, expression_of_clicks
@@ -263,3 +264,18 @@ def test_neighbors_are_mutual_and_alone_is_allowed(labelled):
     for count in (1, 2):
         part = labelled.gaussians[:count]
         assert neighbors(part).affinity.shape == (count, count)
+
+
+def test_a_wide_gaussian_that_shows_beyond_the_silhouette_is_left_out(labelled, cameras):
+    scene, inside = labelled.gaussians, labelled.subject
+    narrow = within_silhouette(scene, cameras, inside)
+    assert not (narrow & ~inside).any()
+    assert iou(narrow, inside, lift(scene, cameras, [torch.ones(SIZE, SIZE)] * 6).weight) > 0.95
+    one = int(narrow.nonzero()[0])
+    log_scales, logits = scene.log_scales.clone(), scene.logit_opacities.clone()
+    log_scales[one], logits[one] = float(np.log(0.5)), -1.0  # thin: no silhouette of its own
+    wide = replace(scene, log_scales=log_scales, logit_opacities=logits)
+    kept = within_silhouette(wide, cameras, inside)
+    assert not kept[one]
+    assert float(kept.float().mean()) > 0.9 * float(inside.float().mean())
+    assert torch.equal(within_silhouette(wide, [], inside), inside)

@@ -21,7 +21,7 @@ from gsedit.select.rules import (
 )
 from gsedit.toolkit import Filter, filter, select, where
 from gsedit.toolkit.operation import run
-from gsedit.toolkit.steps import rotate
+from gsedit.toolkit.transform import rotate
 from rasterizer.numerics import SH_DC
 
 

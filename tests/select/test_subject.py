@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from labelled import statue
 from regions_iou import iou
-from research.labelled import statue
 
 from gsedit.cameras.orbit import circle
 from gsedit.errors import InputError

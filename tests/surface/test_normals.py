@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import pytest
 import torch
+from plain_scenes import needles
 
 from gsedit.surface.normals import estimate_normals, normals_of_depth
 from gsedit.synthetic import ring_cameras, scenes, surface_gaussians
 from gsedit.synthetic.shapes import gradient
 from rasterizer.camera import look_at
-from rasterizer.scene import Gaussians
 
 COUNT = 3000
 
@@ -54,15 +54,7 @@ def test_balls_without_axes_take_the_slope_of_depth(ball):
 
 def test_needles_at_random_are_less_sure_than_a_surface(ball):
     discs, cameras, _ = ball
-    generator = torch.Generator().manual_seed(3)
-    needles = Gaussians(
-        torch.rand(COUNT, 3, generator=generator) * 2 - 1,
-        torch.randn(COUNT, 4, generator=generator),
-        torch.tensor((-2.0, -7.0, -7.0)).expand(COUNT, 3),
-        torch.zeros(COUNT),
-        discs.sh,
-    )
-    of_needles = estimate_normals(needles, cameras).confidence.median()
+    of_needles = estimate_normals(needles(COUNT), cameras).confidence.median()
     assert float(of_needles) < 0.6 < float(estimate_normals(discs, cameras).confidence.median())
 
 

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 import torch
 from closeness import EPS32, assert_near
+from plain_scenes import cloud
 
 from gsedit.scene.color_space import linear_of_srgb
 from gsedit.scene.quaternions import even_directions
 from gsedit.surface import surroundings as light
-from gsedit.surface.directions import cell_areas, cell_directions, halved, look_up
+from gsedit.surface.surroundings import cell_areas, cell_directions, halved, look_up
 from rasterizer.camera import look_at
-from rasterizer.numerics import color_to_sh
 from rasterizer.scene import Gaussians, concatenate
 
 SKY = 3000
@@ -30,27 +30,13 @@ def dome(where=None) -> Gaussians:
     directions = torch.from_numpy(even_directions(SKY)).float()
     if where is not None:
         directions = directions[where(directions)]
-    n = len(directions)
-    scales = torch.tensor((1.0, 1.0, 1.0)).log().expand(n, 3)
-    return Gaussians(
-        CENTER + 20 * directions,
-        torch.tensor((1.0, 0, 0, 0)).expand(n, 4).clone(),
-        scales.clone(),
-        torch.full((n,), 5.0),
-        color_to_sh(sky_color(directions))[:, None],
-    )
+    return cloud(CENTER + 20 * directions, 0.0, sky_color(directions), 5.0)
 
 
 def with_subject(sky):
     """A small cloud of Gaussians in the middle of a sky, and which they are."""
     points = torch.from_numpy(even_directions(50)).float()
-    own = Gaussians(
-        CENTER + 0.5 * points,
-        torch.tensor((1.0, 0, 0, 0)).expand(50, 4).clone(),
-        torch.full((50, 3), -2.0),
-        torch.full((50,), 4.0),
-        torch.zeros(50, 1, 3),
-    )
+    own = cloud(CENTER + 0.5 * points, -2.0)
     subject = torch.zeros(len(sky) + 50, dtype=torch.bool)
     subject[-50:] = True
     return concatenate(sky, own), subject

@@ -1,7 +1,6 @@
 """Sizes: exact where points are, and intervals that hold the truth on a scene of known surfaces."""
 
 from math import pi, sqrt
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,8 +8,8 @@ import torch
 from scipy.spatial import ConvexHull
 
 from gsedit.errors import UsageError
-from gsedit.surveying.points import SurfacePoint, point_at
-from gsedit.surveying.sizes import area, distance, ground_of, height, volume
+from gsedit.meshing import Mesh
+from gsedit.surveying.sizes import SurfacePoint, area, distance, ground_of, height, point_at, volume
 from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
 from gsedit.toolkit.align import Plane
 
@@ -108,7 +107,7 @@ def test_a_volume_is_that_of_the_closed_mesh_of_what_is_selected(room, monkeypat
 
     def mesh(scene, cameras, *, inside, watertight):
         asked.append((inside, watertight))
-        return SimpleNamespace(vertices=corners.numpy(), faces=outward(sides))
+        return Mesh(corners.numpy(), outward(sides).astype(np.int64))
 
     monkeypatch.setattr("gsedit.meshing.build.mesh", mesh)
     flags = torch.ones(len(gaussians), dtype=torch.bool)

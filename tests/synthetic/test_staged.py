@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -9,6 +11,7 @@ from bench.staged import stage, stages
 from bench.staged.sets import FLOOR
 
 from gsedit.scene.similarity import IDENTITY, Similarity
+from gsedit.synthetic.paint import plain
 from rasterizer import render
 
 COUNT, SIZE = 800, 32
@@ -79,7 +82,8 @@ def test_moving_back_gives_the_same_picture(meadow):
 
 def test_another_color_stays_on_its_thing(meadow):
     camera = meadow.held_out(SIZE)[0]
-    new = meadow.recolored("red ball", (0.1, 0.3, 0.8)).photo(camera, 1)
+    ball = replace(meadow.thing("red ball"), coat=plain((0.1, 0.3, 0.8)))
+    new = meadow.with_thing(ball).photo(camera, 1)
     difference = (new - meadow.photo(camera, 1)).abs().amax(-1)
     assert difference[~meadow.mask(camera, "red ball")].max() < 0.02
     assert difference[meadow.mask(camera, "red ball")].median() > 0.2

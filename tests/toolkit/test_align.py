@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gsedit.errors import UsageError
+from gsedit.errors import GseditError, UsageError
 from gsedit.scene.quaternions import rotation_of
 from gsedit.scene.similarity import Similarity
 from gsedit.scene.table import SplatTable, concatenate_tables
 from gsedit.toolkit import AlignLength, AlignTo, AlignToGround, apply
 from gsedit.toolkit.align import find_ground
-from gsedit.toolkit.registration import fitted, register
+from gsedit.toolkit.registration import register
 
 MOVE = Similarity(rotation_of(np.array([0.4, -0.3, 0.8, 0.2])), 2.3, np.array([4.0, -7.0, 1.0]))
 
@@ -73,17 +73,12 @@ def test_a_part_is_laid_on_another_sampling_of_the_whole():
     assert match.residual < 0.1
 
 
-def test_without_open3d_the_principal_axes_are_enough_for_a_copy(monkeypatch):
-    monkeypatch.setitem(__import__("sys").modules, "open3d", None)
+def test_a_copy_is_laid_on_its_original(monkeypatch):
     match = register(MOVE.table(figure(800, 1)), figure(800, 1))
     assert np.abs(match.similarity.after(MOVE).matrix - np.eye(4)).max() < 1e-3
-
-
-def test_points_are_brought_to_points():
-    start = np.random.default_rng(0).normal(size=(20, 3))
-    np.testing.assert_allclose(fitted(start, MOVE.points(start)).matrix, MOVE.matrix, atol=1e-9)
-    mirrored = start * [1, 1, -1]
-    assert not fitted(start, mirrored).mirrors
+    monkeypatch.setitem(__import__("sys").modules, "open3d", None)
+    with pytest.raises(GseditError, match=r"pip install 'gsedit\[mesh\]'"):
+        register(figure(800, 1), figure(800, 1))
 
 
 def test_a_known_length():

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 import torch
-from PIL import Image
 
 import gsedit
 from gsedit import diff
 from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.errors import UsageError
-from gsedit.pictures.difference_picture import Pair, difference_picture
 from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
 from gsedit.toolkit.differences import PROPERTIES, frame_hints, match
 from rasterizer import Gaussians
@@ -93,14 +90,3 @@ def test_what_cannot_be_compared_is_refused(scene, viewpoints):
         diff(scene, scene[:0], viewpoints)
     with pytest.raises(UsageError, match="at least one camera"):
         diff(scene, scene, ())
-
-
-def test_the_picture_has_a_row_a_view(tmp_path):
-    black, grey = torch.zeros(12, 16, 3), torch.full((12, 16, 3), 0.5)
-    pairs = [Pair("one", black, grey), Pair("two", black, black)]
-    difference_picture(pairs, (r"a$\no$.ply", "b.ply"), tmp_path / "d.png")  # no formula
-    one = tmp_path / "one.png"
-    difference_picture(pairs[:1], ("a.ply", "b.ply"), one)
-    both, single = np.asarray(Image.open(tmp_path / "d.png")), np.asarray(Image.open(one))
-    assert both.shape[0] > 1.6 * single.shape[0]
-    assert (both.reshape(-1, both.shape[-1])[:, :3].max(0) > 200).all()

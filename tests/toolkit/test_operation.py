@@ -10,7 +10,7 @@ import torch
 
 from gsedit.formats.streams import SceneHeader, gather, in_blocks
 from gsedit.scene.table import SplatTable, gaussians_of, table_of
-from gsedit.toolkit import ReduceSH, Rowwise, Whole, apply
+from gsedit.toolkit import Operation, ReduceSH, Whole, apply
 from gsedit.toolkit.operation import run
 
 
@@ -22,12 +22,12 @@ def random_table(n: int = 10, degree: int = 2) -> SplatTable:
 
 
 @dataclass(frozen=True)
-class Opaque(Rowwise):
+class Opaque(Operation):
     """Keep the rows of an opacity of one half or more."""
 
     removes: ClassVar[bool] = True
 
-    def apply(self, table: SplatTable) -> SplatTable:
+    def apply(self, table: SplatTable, say) -> SplatTable:
         return table[table.logit_opacities >= 0]
 
 

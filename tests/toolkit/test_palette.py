@@ -14,8 +14,7 @@ from gsedit.errors import InputError, UsageError
 from gsedit.scene.color_space import lab_of_srgb, srgb_of_lab
 from gsedit.scene.table import SplatTable
 from gsedit.toolkit import Palette, apply
-from gsedit.toolkit.color_transfer import color_transport, sliced_distance
-from gsedit.toolkit.palette import read_colors
+from gsedit.toolkit.palette import color_transport, read_colors, sliced_distance
 
 
 def test_lab_is_kornias_and_goes_back():
@@ -79,18 +78,6 @@ def test_a_set_of_colors_is_at_distance_0_of_itself_and_stays():
     assert sliced_distance(colors, even, colors) == pytest.approx(0, abs=1e-9)
     moved = color_transport(colors, even, colors)(colors)
     np.testing.assert_allclose(moved, colors, atol=1e-6)
-
-
-def test_weight_counts():
-    """A color of no weight does not move the others' quantiles."""
-    draw = np.random.default_rng(5)
-    seen, unseen = draw.uniform(0.4, 0.6, (300, 3)), np.zeros((300, 3))
-    goal = draw.uniform(0.1, 0.3, (300, 3))
-    weights = np.repeat([1.0, 0.0], 300)
-    with_unseen = color_transport(np.concatenate((seen, unseen)), weights, goal)(seen)
-    np.testing.assert_allclose(
-        with_unseen, color_transport(seen, weights[:300], goal)(seen), atol=1e-6
-    )
 
 
 def test_what_cannot_be_a_palette_is_named(tmp_path):

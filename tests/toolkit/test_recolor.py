@@ -13,7 +13,7 @@ from gsedit.formats.streams import SceneHeader, gather, in_blocks
 from gsedit.scene.quaternions import even_directions, harmonics
 from gsedit.scene.table import SplatTable, gaussians_of
 from gsedit.toolkit import Opacity, Recolor, Selection, apply, recolor
-from gsedit.toolkit.color_maps import as_table, mapped
+from gsedit.toolkit.color_maps import mapped
 from gsedit.toolkit.grade import Grade, curved, parse_curve, white
 from gsedit.toolkit.operation import run
 from rasterizer import look_at, render
@@ -139,12 +139,6 @@ def test_opacities_are_set_and_scaled():
         assert np.isfinite(done.logit_opacities).all()
         np.testing.assert_allclose(done.opacities, value, atol=2e-6)
     assert (apply(table, Opacity(scale=100.0)).opacities > 0.999).all()
-
-
-def test_a_table_of_colors_is_the_map_between_its_entries():
-    colors = np.random.default_rng(0).uniform(0, 1, (500, 3))
-    grade = Grade(exposure=-0.5, curve=((0.4, 0.5),))
-    np.testing.assert_allclose(as_table(grade)(colors), grade(colors), atol=2e-3)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from PIL import Image
 
 from gsedit.errors import InputError
 from gsedit.formats.streams import SceneHeader, SceneSource, in_blocks
-from gsedit.pictures.histograms import plot_histograms
+from gsedit.pictures.scene_table import plot_histograms
 from gsedit.scene.table import SplatTable
 from gsedit.toolkit.scene_summary import COLUMNS, QUANTILES, quantiles_of, summarise
 

@@ -8,14 +8,13 @@ import torch
 
 from gsedit import orbit
 from gsedit.errors import InputError, UsageError
-from gsedit.scene.merging.pairs import groups, log_determinant, moments_of, pairs, represent
+from gsedit.scene.merging.pairs import groups, log_determinant, moments_of, represent
 from gsedit.scene.morton import morton_codes
 from gsedit.scene.table import SplatTable, concatenate_tables, gaussians_of, table_of
 from gsedit.synthetic import surface_gaussians
 from gsedit.synthetic.gallery import globe
 from gsedit.toolkit import Decimate, Order, apply, merge
-from gsedit.toolkit.order import importance, mean_area
-from gsedit.toolkit.picture_change import picture_change
+from gsedit.toolkit.decimate import importance, mean_area, picture_change
 
 
 def decimate(table: SplatTable, count: int | None = None, **words) -> SplatTable:
@@ -149,16 +148,6 @@ def test_a_share_is_rounded_up_and_not_beyond():
         7,
         1,
     ]
-
-
-def test_many_at_one_place_are_joined_in_a_few_rounds(monkeypatch):
-    rounds = []
-    monkeypatch.setattr(
-        "gsedit.scene.merging.pairs.pairs", lambda *a: rounds.append(0) or pairs(*a)
-    )
-    table = haze(1000)
-    assert len(decimate(table.replace(means=np.zeros_like(table.means)), 100)) == 100
-    assert len(rounds) < 40
 
 
 def test_invalid_rows_are_not_joined():

@@ -8,13 +8,10 @@ import torch
 from closeness import EPS32, assert_near
 
 from gsedit.errors import UsageError
-from gsedit.formats.scenes import save
-from gsedit.measures.metrics import psnr
-from gsedit.scene.similarity import Similarity
+from gsedit.scene.similarity import Similarity, moved_camera
 from gsedit.scene.table import SPLAT_FIELDS, SplatTable, gaussians_of, table_of
 from gsedit.toolkit import transform
-from gsedit.toolkit.moved_cameras import moved_camera
-from gsedit.toolkit.steps import compose
+from gsedit.toolkit.transform import compose
 from rasterizer import Camera, Gaussians, render
 
 CAMERA = Camera(torch.eye(4, dtype=torch.float64), 90.0, 90.0, 30.0, 33.0, 64, 64)
@@ -64,22 +61,6 @@ def test_the_picture_stays_when_the_camera_moves_along(steps, degree):
     assert before.amax() > 0.5
     # positions of the size of 10 are rounded, and shown at tens of pixels a unit
     assert_near(after, before, 500 * EPS32)
-
-
-def test_open3d_turns_the_harmonics_wrongly(tmp_path):
-    o3d = pytest.importorskip("open3d", exc_type=ImportError)
-    table = glossy(degree=2)
-    save(gaussians_of(table), tmp_path / "scene.ply")
-    cloud = o3d.t.io.read_point_cloud(str(tmp_path / "scene.ply"))
-    similarity = compose([("rotate", (30.0, -50.0, 110.0))])
-    cloud.rotate(o3d.core.Tensor(similarity.turn), o3d.core.Tensor(np.zeros(3)))
-    rest = cloud.point["f_rest"].numpy().astype(np.float32)
-    ours = similarity.table(table)
-    theirs = ours.replace(sh=np.concatenate([ours.sh[:, :1], rest.reshape(len(table), 8, 3)], 1))
-    np.testing.assert_allclose(cloud.point["positions"].numpy(), ours.means, atol=1e-5)
-    before, camera = picture(table, CAMERA), moved_camera(CAMERA, similarity)
-    assert float(psnr(picture(ours, camera), before)) > 90
-    assert float(psnr(picture(theirs, camera), before)) < 30
 
 
 def test_a_part_is_moved_and_the_rest_stays():

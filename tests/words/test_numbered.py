@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from research.labelled import statue
+from labelled import statue
 
 from gsedit.select.finder import Finder
 from gsedit.words.phrases import BASED

@@ -13,8 +13,8 @@ from sentence_grades import graded
 
 from gsedit.words.instruction import Change
 from gsedit.words.lexicon import entries
+from gsedit.words.looks import look_of
 from gsedit.words.read import read_instruction
-from gsedit.words.small_looks import look_of
 
 DATA = Path(__file__).parents[1] / "data" / "sentences"
 
@@ -245,10 +245,6 @@ def test_two_changes_are_in_the_order_of_the_sentence():
     assert [(c.target, c.name) for c in read.changes] == [
         ("subject", "marble"), ("background", "brightness"),
     ]  # fmt: skip
-
-
-def test_a_metaphor_is_read_by_the_encoder():
-    assert only("make it look as if it fell into a volcano").name == "lava"
 
 
 @pytest.mark.parametrize("sentence", ["", "?!", "日本語", "x" * 5000, "buy milk tomorrow", "seven"])

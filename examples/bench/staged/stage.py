@@ -16,13 +16,12 @@ from torch import Tensor
 
 from bench.staged.thing import Thing, snow_on
 from gsedit.cameras.orbit import towards
-from gsedit.datasets.dataset import Dataset, View
 from gsedit.scene.similarity import Similarity
 from gsedit.synthetic.daylight import GAMMA, Daylight, arriving, sun_rays
 from gsedit.synthetic.paint import OCCLUSION_REACH, Colors, Paint, mix, parts, plain, waves
 from gsedit.synthetic.scene import SyntheticScene
 from gsedit.synthetic.shapes import Points, Sdf, Triple, gradient, union
-from gsedit.synthetic.splats import surface_gaussians, surface_points
+from gsedit.synthetic.splats import surface_gaussians
 from rasterizer.camera import Camera, look_at
 from rasterizer.numerics import color_to_sh
 from rasterizer.scene import Gaussians, concatenate
@@ -120,12 +119,6 @@ class Stage:
     def photo(self, camera: Camera, supersample: int = 2) -> Float[Tensor, "h w 3"]:
         """The exact picture, float32 in [0, 1]."""
         return self.scene.trace(camera, supersample).image.float()
-
-    def dataset(self, cameras: Sequence[Camera], points: int = 4000) -> Dataset:
-        """A perfect capture: traced photos, and points on the surface with their colors."""
-        views = (View(f"{i:03d}", camera, self.photo(camera)) for i, camera in enumerate(cameras))
-        sparse = surface_points(self.scene, points, torch.Generator().manual_seed(0))
-        return Dataset(tuple(views), sparse.float(), self.scene.albedo(sparse).float())
 
     def labels(self, points: Points) -> Int[Tensor, "*b"]:
         """Index of the nearest of `everything` at points."""
@@ -230,11 +223,6 @@ class Stage:
     def bent(self, name: str, degrees: float) -> Stage:
         """The stage with a thing bent towards +x about its foot, by an angle at its top."""
         return self.with_thing(self.thing(name).bent(degrees))
-
-    def recolored(self, name: str, color: Triple) -> Stage:
-        """The stage with a thing in another color (display RGB in [0, 1]), its pattern as light and
-        dark as before."""
-        return self.with_thing(self.thing(name).recolored(color))
 
     def relit(self, light: Daylight) -> Stage:
         """The stage under another light, with the shadows of that."""

@@ -12,7 +12,7 @@ import numpy as np
 import torch
 
 from gsedit.scene.similarity import Similarity
-from gsedit.synthetic.paint import Colors, Paint
+from gsedit.synthetic.paint import Paint
 from gsedit.synthetic.shapes import Distances, Points, Sdf, Triple
 
 CLINGS = 0.017
@@ -47,18 +47,6 @@ class Thing:
         """Middle of the lower face of its box (3,)."""
         low, high = np.array(self.low), np.array(self.high)
         return np.array((*(0.5 * (low + high))[:2], low[2]))
-
-    def recolored(self, color: Triple) -> Thing:
-        """The thing in another color, as light and dark in places as it was."""
-        share = torch.rand((512, 3), generator=torch.Generator().manual_seed(0)).double()
-        low, high = torch.tensor(self.low).double(), torch.tensor(self.high).double()
-        mean = float(self.coat(low + share * (high - low)).mean())
-
-        def paint(points: Points) -> Colors:
-            shade = self.coat(points).mean(-1, keepdim=True) / mean
-            return (shade * points.new_tensor(color)).clamp(0, 1)
-
-        return replace(self, coat=paint)
 
     def moved(self, similarity: Similarity) -> Thing:
         """The thing and its paint after a similarity without a mirror."""

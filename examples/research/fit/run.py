@@ -15,14 +15,19 @@ from typing import NamedTuple
 
 import torch
 
-from gsedit.bench.provenance import Provenance, provenance
-from gsedit.bench.results import markdown_table, write_measurements, write_text
+from gsedit.bench.results import (
+    Provenance,
+    markdown_table,
+    provenance,
+    write_measurements,
+    write_text,
+)
 from gsedit.datasets.dataset import Dataset, View
 from gsedit.datasets.load import load_dataset
 from gsedit.errors import UsageError
 from gsedit.fitting.fit import FitResult, fit_steps
 from gsedit.fitting.settings import QUALITIES, FitSettings
-from gsedit.measures.metrics import Fidelity, fidelity
+from gsedit.measures.metrics import nearness, perceptual, ssim
 from gsedit.runs.events import Checkpoint, Event
 from gsedit.scene.picture import render_picture
 from rasterizer.numerics import Execution
@@ -92,15 +97,13 @@ class BenchSettings:
 def measure(scene: Gaussians, views: Sequence[View], execution: Execution) -> Quality:
     """Error, structure and perceptual distance of renders, clamped to [0, 1], to photos; masked
     pixels do not count."""
-    found: list[Fidelity] = []
-    for view in views:
-        if (mask := view.mask) is None or mask.any():
-            picture = render_picture(scene, view.camera, execution)
-            found.append(fidelity(picture, view.image, mask))
-    distances = [each.perceptual for each in found if each.perceptual is not None]
+    shown = [view for view in views if view.mask is None or view.mask.any()]
+    pairs = [(render_picture(scene, view.camera, execution), view.image, view.mask)
+             for view in shown]  # fmt: skip
+    distances = [each for pair in pairs if (each := perceptual(*pair)) is not None]
     return Quality(
-        mean(each.psnr for each in found),
-        mean(each.ssim for each in found),
+        mean(nearness(*pair) for pair in pairs),
+        mean(ssim(*pair) for pair in pairs),
         mean(distances) if distances else None,
     )
 

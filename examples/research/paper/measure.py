@@ -13,8 +13,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.bench.edit import EXACT, Observed, Observer, nearest_truth
-from gsedit.bench.provenance import provenance
+from gsedit.bench.results import provenance
 from gsedit.diffusion.sampler import levels_of
 from gsedit.editing.edit import edit_steps
 from gsedit.editing.result import EditResult
@@ -22,16 +21,15 @@ from gsedit.editor_protocol import Editor
 from gsedit.editors import make_editor
 from gsedit.editors.looks.recipe import parse
 from gsedit.editors.sampling import DiffusionEditor
-from gsedit.fitting.loss_terms import LossTerm
-from gsedit.fitting.settings import UpdateSettings
+from gsedit.fitting.settings import LossTerm, UpdateSettings
 from gsedit.measures.decibels import rmse_from_psnr
 from gsedit.paper.actions import Strategy
-from gsedit.paper.presets import find_preset
 from gsedit.paper.session import Session, render_edited
-from gsedit.paper.settings import EditSettings
+from gsedit.paper.settings import EditSettings, find_preset
 from gsedit.paper.strategies import find_strategy
 from research.paper.arms import PAPER, PAPER_T_END
 from research.paper.cases import load_case
+from research.paper.observe import EXACT, Observed, Observer, nearest_truth
 from research.paper.runs import Case, Record, Run, read_record, write_record
 from research.paper.varied import Varied
 

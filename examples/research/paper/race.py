@@ -5,7 +5,7 @@ from __future__ import annotations
 import statistics
 from dataclasses import dataclass
 
-from gsedit.bench.edit import Point
+from research.paper.observe import Point
 from research.paper.runs import Record
 
 AS_GOOD = 1.05

@@ -9,11 +9,11 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from gsedit.bench.edit import Point, nearest_truth
 from gsedit.bench.results import write_text
 from gsedit.errors import InputError
 from gsedit.runs.json_lines import plain
 from gsedit.storage.json_files import read_json
+from research.paper.observe import Point, nearest_truth
 
 
 @dataclass(frozen=True)

@@ -63,7 +63,6 @@ class Varied:
         return Capabilities(
             defaults=SamplerDefaults(guidance_text=1.0, guidance_image=1.0),
             find_ground_truth=lambda prompt, *views: partial(parse(prompt).variant, k=0),
-            is_whole=lambda prompt: True,
         )
 
     def check(self, prompt: str) -> None:

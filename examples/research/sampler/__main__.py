@@ -10,13 +10,11 @@ from typing import Annotated
 
 import typer
 
-from gsedit.bench.provenance import provenance
-from gsedit.bench.results import write_measurements, write_text
+from gsedit.bench.results import provenance, write_measurements, write_text
 from gsedit.runs.events import Event
 from gsedit.runs.stopwatch import Stopwatch
 from research.command import Output, Quick, collect, print_message, print_result, require_new, run
-from research.curves import Point
-from research.figures import draw_errors
+from research.figures import Point, draw_errors
 from research.sampler.consensus_study import consensus_study
 from research.sampler.measurements import SamplerMeasurement, table
 from research.sampler.solver_study import GUIDANCE, STEPS, WIDTHS, solver_study

@@ -11,8 +11,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.bench.provenance import commit, machine
-from gsedit.bench.results import markdown_table
+from gsedit.bench.results import commit, machine, markdown_table
 
 Study = Literal["solver", "consensus"]
 

@@ -15,7 +15,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.bench.measure import timed
+from gsedit.bench.timing import timed
 from gsedit.diffusion.sampler import sample
 from gsedit.diffusion.schedules import NoiseLevel, Schedule, karras_sigmas
 from gsedit.diffusion.settings import SamplerSettings, Solver
@@ -69,7 +69,7 @@ def solver_study(
             levels = [model.schedule.level_at(s) for s in karras_sigmas(FIRST, end, many + 1)]
 
             work = partial(_result, model, x, chosen, levels)
-            timing, result = timed(work, runs, pieces=1)
+            timing, result = timed(work, runs)
             yield SamplerMeasurement(
                 "solver",
                 f"width {width:g}, guidance {scale:g}",

@@ -12,8 +12,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from gsedit.fitting.update import FINAL_RATE
-from gsedit.paper.actions import MAX_STEPS_AT_ONCE, Action
-from gsedit.paper.fit_targets import REPORT_EVERY_STEPS
+from gsedit.paper.actions import MAX_STEPS_AT_ONCE, REPORT_EVERY_STEPS, Action
 from gsedit.paper.session import Session, seen_gaussians
 from gsedit.runs.events import Event
 from rasterizer.camera import Camera

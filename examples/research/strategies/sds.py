@@ -13,7 +13,7 @@ from gsedit.diffusion.guided import predict_guided
 from gsedit.diffusion.predictions import as_pair
 from gsedit.diffusion.sampler import add_noise
 from gsedit.editor_protocol import for_settings
-from gsedit.editors.sampling import Counted, padded, with_subject_mask
+from gsedit.editors.sampling import Counted, padded
 from gsedit.errors import UsageError
 from gsedit.paper.edit_views import batch_of
 from gsedit.paper.session import Session
@@ -59,7 +59,7 @@ class Sds(Descent):
         with torch.no_grad():
             x = add_noise(z, noise, level)
             condition = denoiser.condition(whole.originals, whole.prompt, generator)
-            counted = Counted(with_subject_mask(denoiser, whole.subject))
+            counted = Counted(denoiser)
             guided = predict_guided(counted, condition, x, level, sampler)
             error = as_pair(denoiser.predicts, guided, x, level).eps - noise
         session.progress.work.evaluations += counted.evaluations

@@ -16,9 +16,10 @@ PANELS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("Select", "pointer", ("select",)),
     ("Tools", "tools", ("clean", "crop", "transform", "measure")),
     ("History", "history", ("history",)),
-    ("File", "folder", ("open", "export")),
+    ("File", "folder", ("export",)),
 )
-"""Headings, their icons, and the modules below them, in order; `add` of each adds its controls."""
+"""Headings, their icons, and the modules below them, in order; `add` of each, a function or the
+class of its controls, adds them."""
 
 
 def add_panels(page: Page, tab: Tab) -> None:

@@ -11,8 +11,7 @@ import torch
 from gsedit.app.loaded import Loaded
 from gsedit.scene.table import table_of
 from gsedit.toolkit.clean import mark_unseen
-from gsedit.toolkit.defects import UNSEEN
-from gsedit.toolkit.find_defects import REASONS, find_defects
+from gsedit.toolkit.defects import REASONS, UNSEEN, find_defects
 
 if TYPE_CHECKING:
     from gsedit.app.page import Page
@@ -22,7 +21,7 @@ SWITCHES = {
     "invisible": "invisible", "giant": "giants", "floater": "floaters", "needle": "needles",
     "duplicate": "duplicates", UNSEEN.name: "unseen",
 }  # fmt: skip
-"""Names of the reasons (gsedit.toolkit.find_defects.REASONS) and of their switches in `clean`."""
+"""Names of the reasons (gsedit.toolkit.defects.REASONS) and of their switches in `clean`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,11 +40,6 @@ def find(loaded: Loaded) -> Found:
     cameras = [each.camera for each in loaded.recorded]
     mark_unseen(table, reasons, lambda scene, path: cameras, None)
     return Found(loaded, reasons)
-
-
-def add(page: Page, tab: Tab) -> None:
-    """Add the reasons, each with its count and a switch, the preview and Remove."""
-    Clean(page, tab)
 
 
 class Clean:
@@ -99,6 +93,7 @@ class Clean:
     def clean(self) -> None:
         """Remove it; the rest is the next step."""
         off = [f"--no-{SWITCHES[name]}" for name, box in self.boxes.items() if not box.value]
-        file = self.page.selection_file()
-        region = () if file is None else ("--region", str(file))
-        self.page.step("clean", *off, *region, title="clean")
+        self.page.step("clean", *off, *self.page.region_options(), title="clean")
+
+
+add = Clean

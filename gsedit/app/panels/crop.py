@@ -31,11 +31,6 @@ def inside_box(
     return ((means >= low) & (means <= high)).all(1)
 
 
-def add(page: Page, tab: Tab) -> None:
-    """Add the box with its preview, and what is done with the selection."""
-    Crop(page, tab)
-
-
 class Crop:
     """The controls of one tab's box."""
 
@@ -112,3 +107,6 @@ class Crop:
         assert self.page.folder is not None  # something is selected
         file = region_file(kept, self.page.folder)
         self.page.step("filter", "--region", str(file), title=title)
+
+
+add = Crop

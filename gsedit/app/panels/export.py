@@ -1,4 +1,4 @@
-"""Export: the scene in any format, a page that shows it from disk, a video around it."""
+"""Files: opening by a path; export in any format, as a page that shows it from disk, as a video."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from PIL import Image
 
+from gsedit.app.opening import open_path
 from gsedit.formats.pictures import save_picture
 from gsedit.formats.table import WRITABLE
 
@@ -20,6 +21,22 @@ VIDEO_PIXELS, VIDEO_FRAMES = 640, 120
 
 
 def add(page: Page, tab: Tab) -> None:
+    """Add a field for a path to open, and the export."""
+    gui = tab.gui
+    path = gui.add_text("path", "", hint="A scene, the folder of an edit, photos or a video.")
+    opened = gui.add_button("Open", icon="folder-open")
+    kept = gui.add_markdown("")
+
+    def show() -> None:
+        kept.content = f"Kept in `{page.folder}`" if page.folder else ""
+
+    opened.on_click(tab.safely(lambda _: open_path(page, page.places.check(path.value))))
+    page.listen(tab, "document", show)
+    show()
+    add_export(page, tab)
+
+
+def add_export(page: Page, tab: Tab) -> None:
     """Add the list of formats, the name, and Export, which offers the file for download."""
     gui = tab.gui
     kind = gui.add_dropdown("as", (*WRITABLE, PAGE, VIDEO, PICTURE))

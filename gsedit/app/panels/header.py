@@ -7,9 +7,16 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gsedit.app.opening import EARLIER, QUALITIES, earlier, go_on, make_scene, open_path, waits
-from gsedit.app.receiving import receive
-from gsedit.app.wording import on_page
+from gsedit.app.opening import (
+    EARLIER,
+    QUALITIES,
+    earlier,
+    go_on,
+    make_scene,
+    open_path,
+    receive,
+    waits,
+)
 from gsedit.capture.folder import PICTURES
 
 if TYPE_CHECKING:
@@ -46,7 +53,7 @@ def add(page: Page, tab: Tab) -> None:
         work = page.busy
         doing.visible = bar.visible = cancel.visible = work is not None
         if work is not None:
-            doing.content = f"**{work.describe()}**\n\n{plain(on_page(work.line))}"
+            doing.content = f"**{work.describe()}**\n\n{plain(work.line)}"
             bar.value = 100 * (work.share or 0.0)
         show_state()
 

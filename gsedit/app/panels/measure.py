@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from gsedit.errors import UsageError
-from gsedit.surveying.points import SurfacePoint, point_at
-from gsedit.surveying.sizes import area, distance
+from gsedit.surveying.sizes import SurfacePoint, area, distance, point_at
 
 if TYPE_CHECKING:
     from gsedit.app.page import Page
@@ -14,11 +13,6 @@ if TYPE_CHECKING:
 
 NAME = "measure"
 _HOW = "Click on two points for their distance, on more for the area between them."
-
-
-def add(page: Page, tab: Tab) -> None:
-    """Add the switch for clicks that measure, the result, and the known length."""
-    Measure(page, tab)
 
 
 class Measure:
@@ -85,3 +79,6 @@ class Measure:
         ends = ",".join(f"{value:.9g}" for each in self.points for value in each.position)
         length = f"--length={ends}={self.known.value:.9g}"
         self.page.step("align", length, title=f"scale by {self.known.value:g}")
+
+
+add = Measure

@@ -8,9 +8,8 @@ from pathlib import Path
 from threading import RLock
 from typing import TYPE_CHECKING, Any
 
-from gsedit.app.knobs import LEAST, Knob, knobs_of, turned
 from gsedit.app.previews import Previewer
-from gsedit.app.reading import Reading, read
+from gsedit.app.reading import LEAST, Knob, Reading, knobs_of, read, turned
 from gsedit.errors import UsageError
 from gsedit.select.saved import saved_files
 from gsedit.words.called import read_called
@@ -27,11 +26,6 @@ EXAMPLES = (
 PREVIEW = "preview"
 STEP = 0.01
 """Least turn of an amount."""
-
-
-def add(page: Page, tab: Tab) -> None:
-    """Add the field for a sentence, its reading, its knobs, Preview and Apply."""
-    Say(page, tab)
 
 
 class Say:
@@ -272,10 +266,9 @@ class Say:
     def apply(self) -> None:
         """Edit the scene as the sentence says; the result is the next step."""
         reading = self.asked()
-        file = self.page.selection_file()
-        region = () if file is None else ("--region", str(file))
         after = partial(self.applied, reading.text)
-        self.page.step("edit", reading.text, *region, title=reading.text, after=after)
+        options = self.page.region_options()
+        self.page.step("edit", reading.text, *options, title=reading.text, after=after)
 
     def applied(self, said: str) -> None:
         """Be ready for the next sentence, which may be typed already."""
@@ -311,3 +304,6 @@ def _said(knob: Knob, value: Any) -> float | str:
     if knob.kind == "color":
         return "#" + "".join(f"{int(each):02x}" for each in value)
     return knob.choices[int(value)] if knob.kind == "finish" else float(value)
+
+
+add = Say

@@ -2,18 +2,62 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from gsedit.app.selections import BRIM, Clicks, grown
+import torch
+from jaxtyping import Bool
+from torch import Tensor
+
 from gsedit.errors import UsageError
-from gsedit.select.click import Click
+from gsedit.scene.table import table_of
+from gsedit.select.click import SMALLEST, Click, Selector, at_one_place
 from gsedit.select.finder import Names
 from gsedit.select.region import Region
+from gsedit.select.rules import given, grow, shrink
 from gsedit.select.saved import save_named, saved_files
+from rasterizer.scene import Gaussians
 
 if TYPE_CHECKING:
     from gsedit.app.page import Page
     from gsedit.app.tab import Box, Pick, Tab
+
+BRIM = 0.01
+"""Share of the radius of the scene's bulk by which Grow and Shrink move the border."""
+
+
+@dataclass(frozen=True)
+class Clicks:
+    """The clicks of one selection, in order, and what was selected before them."""
+
+    clicks: tuple[Click, ...] = ()
+
+    def with_click(self, click: Click, *, add: bool) -> Clicks:
+        """With one more click; a plain one begins anew, but at the same place takes the part there.
+        Raises UsageError for a first one outside."""
+        if not add:
+            again = self.clicks and all(at_one_place(click, each) for each in self.clicks)
+            return replace(self, clicks=(*self.clicks, click)) if again else Clicks((click,))
+        if not self.clicks and not click.inside:
+            raise UsageError("click on the object first; then take parts away")
+        return replace(self, clicks=(*self.clicks, click))
+
+    def selected(self, selector: Selector) -> tuple[Clicks, Region]:
+        """The region of the clicks; where there is no smaller part, the whole object again, as with
+        the last click alone. Raises UsageError as `Selector.at` does."""
+        region = selector.at(self.clicks)
+        if not region.note.endswith(SMALLEST):
+            return self, region
+        whole = Clicks(self.clicks[-1:])
+        return whole, selector.at(whole.clicks)
+
+
+def grown(scene: Gaussians, flags: Bool[Tensor, " n"], radius: float) -> Bool[Tensor, " n"]:
+    """The selection and all within a radius of it, world units; shrunk by a negative one."""
+    inside = given(flags.numpy())
+    selection = grow(inside, radius) if radius > 0 else shrink(inside, -radius)
+    return torch.from_numpy(selection.mask(table_of(scene)))
+
 
 NAME = "select"
 ADD, TAKE = "cmd/ctrl", "alt"
@@ -22,11 +66,6 @@ SELECTS, ADDS, TAKES, NOTHING = "select", "add", "take away", "do nothing"
 """Ways of a click without a key, as on a phone."""
 SELECT = "selection"
 NONE = "—"
-
-
-def add(page: Page, tab: Tab) -> None:
-    """Add clicks and boxes, the field for words, and what changes, names and ends a selection."""
-    Select(page, tab)
 
 
 class Select:
@@ -154,3 +193,6 @@ _HOW = (
     "Click on an object; again at the same place, for the part there. Ctrl-click adds, Alt-click "
     "takes away, a drag with Shift draws a box."
 )
+
+
+add = Select

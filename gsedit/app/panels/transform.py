@@ -9,8 +9,7 @@ import torch
 
 from gsedit.scene.similarity import Similarity
 from gsedit.scene.table import gaussians_of, table_of
-from gsedit.toolkit.steps import compose
-from gsedit.toolkit.transform import center_of, moved_rows
+from gsedit.toolkit.transform import center_of, compose, moved_rows
 from rasterizer.scene import Gaussians
 
 if TYPE_CHECKING:
@@ -22,11 +21,6 @@ ARMS = 0.4
 """Length of the handles, as a share of the radius of the scene's bulk."""
 FINEST, LARGEST = 0.1, 4.0
 """Range of the scale."""
-
-
-def add(page: Page, tab: Tab) -> None:
-    """Add the switch for the handles, the scale, and Apply."""
-    Transform(page, tab)
 
 
 class Transform:
@@ -84,9 +78,8 @@ class Transform:
             return
         values = {k: v if k == "scale" else _listed(v) for k, v in self.steps()}
         options = [f"--{name}={value}" for name, value in values.items()]
-        file = self.page.selection_file()
-        region = () if file is None else ("--region", str(file))
-        title = "move the scene" if file is None else "move the selection"
+        region = self.page.region_options()
+        title = "move the selection" if region else "move the scene"
         options += [f"--pivot={_listed(self.pivot)}", *region]
         self.page.step("transform", *options, title=title, after=self.end)
 
@@ -111,3 +104,6 @@ def transformed(scene: Gaussians, flags: torch.Tensor | None, how: Similarity) -
 
 def _listed(values: Any) -> str:
     return ",".join(f"{float(each):.9g}" for each in values)
+
+
+add = Transform

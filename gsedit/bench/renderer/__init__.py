@@ -1,1 +1,1 @@
-"""Error against run time of the renderer, its edge cases and its performance targets."""
+"""Speed and errors of the renderer, and its edge cases."""

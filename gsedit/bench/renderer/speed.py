@@ -1,12 +1,12 @@
-"""Speed of the renderer as a ratio: how many times as fast as another renderer in the same run.
+"""Speed of the renderer with its errors: how many times as fast as the reference in the same run.
 
-The other is the reference implementation in float32, which is torch and 20 to 400 times as slow,
-or a given rival. Both kernels and a rival take turns, so that a busy machine slows all of them.
+The reference is torch in float32, 20 to 400 times as slow. Kernels take turns, so that a busy
+machine slows all of them; a ratio holds on any maker's processor.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple, cast
@@ -16,7 +16,6 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.bench.measure import timed, timed_together
 from gsedit.bench.renderer.accuracy import (
     FIELDS,
     Draw,
@@ -25,8 +24,12 @@ from gsedit.bench.renderer.accuracy import (
     errors,
     reference_of,
 )
+from gsedit.bench.results import commit, machine, markdown_table
+from gsedit.bench.timing import timed, timed_together
 from gsedit.errors import InputError
 from gsedit.fitting.photometric import photometric
+from gsedit.runs.events import Event
+from gsedit.runs.stopwatch import Stopwatch
 from gsedit.synthetic import ring_cameras, scenes, surface_gaussians
 from rasterizer import Camera, Execution, Gaussians, render
 from rasterizer.blending.choose import is_compiled
@@ -112,11 +115,12 @@ def smaller(workload: Workload, factor: int) -> Workload:
 
 
 GARDEN_SCALES = (1.0, 0.25)
-REFERENCE = "reference"
 DSSIM_WEIGHT = 0.2
 """Weight of DSSIM in the loss of a fit."""
 REFERENCE_SECONDS = 10.0
 """No run of the reference begins after them."""
+RUNS, QUICK_RUNS, QUICK_SHRINK = 7, 2, 16
+"""Runs of a case, and those of a quick one, on every so many Gaussians and pixels."""
 
 
 class TrainingStep(NamedTuple):
@@ -130,27 +134,14 @@ class TrainingStep(NamedTuple):
 
 
 TRAINING = TrainingStep()
-
-
-class Goal(NamedTuple):
-    """How many times as fast, at least."""
-
-    wall: float
-    cpu: float | None = None
-
-
-REFERENCE_GOALS: Goals = {
-    "garden 648x420": {"compiled": Goal(150), "torch": Goal(18)},
-    "garden 162x105": {"compiled": Goal(100), "torch": Goal(12)},
-    "training step": {"compiled": Goal(120), "torch": Goal(16)},
-    "crop": {"compiled": Goal(70), "torch": Goal(10)},
+GOALS: Mapping[str, Mapping[str, float]] = {
+    "garden 648x420": {"compiled": 150.0, "torch": 18.0},
+    "garden 162x105": {"compiled": 100.0, "torch": 12.0},
+    "training step": {"compiled": 120.0, "torch": 16.0},
+    "crop": {"compiled": 70.0, "torch": 10.0},
 }
-"""Against the reference implementation: half of what one thread of a processor with AVX-512
-measured, because others have vectors half as wide."""
-
-
-Goals = Mapping[str, Mapping[str, Goal]]
-"""By case and kernel."""
+"""How many times as fast as the reference, at least, by case and kernel: half of what one thread of
+a processor with AVX-512 measured, because others have vectors half as wide."""
 Loss = Callable[[Float[Tensor, "h w 3"]], Float[Tensor, ""]]
 
 
@@ -179,10 +170,14 @@ class Case:
         """The work, done by one of the rasterizer's kernels."""
         return self.job(self.drawing(kernel), self.workload.camera)
 
-    def others_job(self, draw: Draw) -> Callable[[], None]:
-        """The work, done by another renderer: a crop is a picture of its own."""
+    def reference_job(self) -> Callable[[], None]:
+        """The work, done by the reference in float32: a crop is a picture of its own."""
         camera = self.workload.camera
-        return self.job(draw, camera if self.box is None else _cropped(camera, self.box))
+        if self.box is not None:
+            left, top, width, height = self.box
+            cx, cy = camera.cx - left, camera.cy - top
+            camera = replace(camera, cx=cx, cy=cy, width=width, height=height)
+        return self.job(lambda s, c: render_reference(s, c, dtype=torch.float32).color, camera)
 
     def drawing(self, kernel: Kernel) -> Draw:
         """The picture, or its crop, by one of the rasterizer's kernels."""
@@ -190,7 +185,7 @@ class Case:
         return lambda s, c: render(s, c, crop=self.box, execution=execution).color
 
     def errors(self, kernel: Kernel, cache: Path | None) -> Errors:
-        """Measure the errors of a kernel against the reference."""
+        """Measure the errors of a kernel against the float64 reference."""
         scene, camera = self.workload.scene, self.workload.camera
         exact = reference_of(scene, camera, cache, self.box)
         return errors(differentiate(self.drawing(kernel), scene, camera), exact)
@@ -202,33 +197,23 @@ class Speed:
 
     case: str
     kernel: str
-    other: str
-    """REFERENCE, or the name of a rival."""
     seconds: float
     """Median wall clock, seconds."""
     wall: float
-    """How many times as fast as the other."""
+    """How many times as fast as the reference."""
     cpu: float
-    goal: Goal | None
+    """The ratio of processor times."""
+    goal: float | None
+    """Least that `wall` should be; None: this machine's size of the case has no goal."""
     error: float
-    """Mean of a color, against float64."""
+    """Mean error of a color, against float64."""
     gradient: float | None
     """Relative error of the worst input's gradient."""
 
     @property
-    def reached(self) -> bool:
-        """Whether it is as fast as required."""
-        goal = self.goal or Goal(0)
-        return self.wall >= goal.wall and self.cpu >= (goal.cpu or 0)
-
-
-@dataclass(frozen=True)
-class Rival:
-    """Another renderer to be compared with."""
-
-    name: str
-    prepare: Callable[[Workload], Draw]
-    goals: Goals
+    def reached(self) -> bool | None:
+        """Whether it is as fast as required; None without a goal."""
+        return None if self.goal is None else self.wall >= self.goal
 
 
 def kernels() -> tuple[Kernel, ...]:
@@ -236,17 +221,25 @@ def kernels() -> tuple[Kernel, ...]:
     return ("compiled", "torch") if is_compiled(AUTO) else ("torch",)
 
 
-def measure_speed(
+def measure_targets(
     points: Path | None,
-    runs: int,
-    cache: Path | None,
-    shrink: int = 1,
+    cache: Path | None = None,
+    *,
+    quick: bool = False,
     training: TrainingStep = TRAINING,
-    rival: Rival | None = None,
-) -> Iterator[Speed]:
-    """Every case by both kernels; those of the garden where its points are given."""
-    for case in cases(points, shrink, training):
-        yield from measure_case(case, runs, cache, rival)
+) -> Iterator[Event | Speed]:
+    """Every case by both kernels, and events that name the next ones; those of the garden where its
+    points are given."""
+    stopwatch = Stopwatch()
+    if points is None:
+        yield Event(
+            "targets", 0.0, note="the garden's points are not given: its targets are left out"
+        )
+    found = cases(points, QUICK_SHRINK if quick else 1, training)
+    for step, case in enumerate(found):
+        yield Event("targets", stopwatch.seconds, step, len(found), note=case.name)
+        yield from measure_case(case, QUICK_RUNS if quick else RUNS, cache)
+    yield Event("targets", stopwatch.seconds, len(found), len(found))
 
 
 def cases(points: Path | None, shrink: int, training: TrainingStep) -> list[Case]:
@@ -286,42 +279,40 @@ def photometric_loss(photo: Float[Tensor, "h w 3"]) -> Loss:
     return lambda picture: photometric(picture, photo, DSSIM_WEIGHT, compiled=True)
 
 
-def reference_drawing(scene: Gaussians, camera: Camera) -> Float[Tensor, "h w 3"]:
-    """A picture by the reference implementation, in float32."""
-    return render_reference(scene, camera, dtype=torch.float32).color
-
-
-def measure_case(
-    case: Case, runs: int, cache: Path | None, rival: Rival | None = None
-) -> Iterator[Speed]:
-    """Both kernels against the rival, or without one against the reference implementation."""
-    works: dict[str, Callable[[], None]] = {kernel: case.own_job(kernel) for kernel in kernels()}
-    other = rival.name if rival else REFERENCE
-    if rival:
-        works[other] = case.others_job(rival.prepare(case.workload))
-    timings, _ = timed_together(works, runs, pieces=1)
-    if not rival:
-        slow = case.others_job(reference_drawing)
-        timings[other], _ = timed(slow, runs, REFERENCE_SECONDS, pieces=1)
-    goals = (rival.goals if rival else REFERENCE_GOALS).get(case.name, {})
-    theirs = timings[other]
+def measure_case(case: Case, runs: int, cache: Path | None) -> Iterator[Speed]:
+    """Both kernels against the reference implementation."""
+    ours, _ = timed_together({kernel: case.own_job(kernel) for kernel in kernels()}, runs)
+    theirs, _ = timed(case.reference_job(), runs, REFERENCE_SECONDS)
     for kernel in kernels():
-        ours, wrong = timings[kernel], case.errors(kernel, cache)
+        own, wrong = ours[kernel], case.errors(kernel, cache)
+        goal = GOALS.get(case.name, {}).get(kernel)
         yield Speed(
-            case.name,
-            kernel,
-            other,
-            ours.wall,
-            theirs.wall / ours.wall,
-            theirs.cpu / ours.cpu,
-            goals.get(kernel),
-            wrong.mean,
-            wrong.gradient,
+            case.name, kernel, own.wall, theirs.wall / own.wall, theirs.cpu / own.cpu, goal,
+            wrong.mean, wrong.gradient,
+        )  # fmt: skip
+
+
+def table(rows: Sequence[Speed]) -> str:
+    """Markdown: how many goals are reached on which machine, and a line a case and kernel."""
+    words = {True: "yes", False: "**no**", None: "-"}
+    lines = [
+        (
+            f"{row.case}, {row.kernel}", "-" if row.goal is None else f"{row.goal:g}",
+            f"{row.wall:.1f}", f"{row.cpu:.1f}", f"{1e3 * row.seconds:.1f}", f"{row.error:.1e}",
+            f"{row.gradient or 0:.1e}", words[row.reached],
         )
-
-
-def _cropped(camera: Camera, box: Box) -> Camera:
-    """The crop of a camera's picture as a picture of its own."""
-    left, top, width, height = box
-    cx, cy = camera.cx - left, camera.cy - top
-    return replace(camera, cx=cx, cy=cy, width=width, height=height)
+        for row in rows
+    ]  # fmt: skip
+    judged = [row for row in rows if row.reached is not None]
+    reached = sum(row.reached is True for row in judged)
+    threads = torch.get_num_threads()
+    other_threads = "" if threads == 2 else " The goals are for 2 threads."
+    head = (
+        "forward and backward", "times as fast as the reference: goal", "measured", "by CPU time",
+        "ms", "error of colors", "of gradients", "reached",
+    )  # fmt: skip
+    return (
+        f"{reached} of {len(judged)} targets are reached on {machine()}, {threads} "
+        f"thread{'s' * (threads > 1)}, commit {commit()}.{other_threads}\n\n"
+        + markdown_table(head, lines)
+    )

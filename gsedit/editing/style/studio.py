@@ -29,7 +29,7 @@ from gsedit.scene.merging.groups import coarsen
 from gsedit.scene.picture import render_picture
 from gsedit.scene.table import gaussians_of, table_of
 from gsedit.toolkit.color_maps import as_table
-from gsedit.toolkit.color_transfer import color_transport, sliced_distance
+from gsedit.toolkit.palette import color_transport, sliced_distance
 from gsedit.toolkit.recolor import recolored
 from rasterizer.camera import Camera
 from rasterizer.render import render

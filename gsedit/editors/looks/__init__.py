@@ -1,4 +1,1 @@
-"""Looks: what the words of an instruction do to colors, in three variants each.
-
-color_maps holds the formulas, table the looks, recipe what an instruction names.
-"""
+"""Looks: what the words of an instruction do to colors, in three variants each."""

@@ -110,17 +110,6 @@ def veined(codes: str, vein: str, *, keep: float = 0.04) -> ColorMap:
     return apply
 
 
-def grained(codes: str) -> ColorMap:
-    """A ramp with growth rings along lines of equal brightness."""
-    base = ramp(codes, keep=0.12, contrast=0.5)
-
-    def apply(images: Image) -> Image:
-        rings = torch.sin(2 * torch.pi * (9.0 * luma(images) + 2.0 * images[..., :1]))
-        return base(images) * (1 + 0.10 * rings)
-
-    return apply
-
-
 def blur(images: Map, radius: int) -> Map:
     """A box of 2 radius + 1 pixels, twice (a tent); the border repeats the edge."""
     flat = images.reshape(-1, *images.shape[-3:]).movedim(-1, 1).contiguous()
@@ -155,18 +144,5 @@ def watercolor(tint: str, saturation: float) -> ColorMap:
         wash = (grey + saturation * (wash - grey)).clamp(0, 1) ** 0.7
         pigment = (grey - blur(grey, 2)).clamp(-0.08, 0.08)
         return (0.16 + 0.84 * wash) * images.new_tensor(colors(tint)[0]) + 1.6 * pigment
-
-    return apply
-
-
-def cartoon(levels: int, saturation: float, lift: float, tint: str) -> ColorMap:
-    """Brightness in soft steps; colors `saturation` times as strong."""
-
-    def apply(images: Image) -> Image:
-        grey = luma(images)
-        level = grey.clamp(0, 1) ** lift * levels
-        stepped = (level.floor() + smoothstep(level - level.floor(), 0.35, 0.65)) / levels
-        image = stepped + saturation * (images - grey)
-        return image * images.new_tensor(colors(tint)[0])
 
     return apply

@@ -5,14 +5,14 @@
 It has two U-Nets. The image encoder sees the unedited image alone, so it runs once an edit and
 needs no noise level. It is trained to predict the main subject's mask, the inverse depth and the
 normal's height of every pixel, since these decide where an edit acts. The denoiser sees the noised
-edit, the noise level, the instruction and the encoder's features. Together they predict
+edit, the noise level, the look that is asked for and the encoder's features. Together they predict
 
   mean = c + g + m s + r               c the unedited pixels, m the probability of the main subject
   x0   = w x_t / a + (1 - w) mean      w = p^2 / (p^2 + sigma^2), p = PRIOR_STD
 
 g, for the whole image, and s, for the subject alone, are colors that a small MLP computes pixel by
-pixel from the color and the encoder's pixel features, modulated by the instruction (FiLM, Perez et
-al. 2018): most looks are a function of color, place and shape. r is the residual, from the
+pixel from the color and the encoder's pixel features, modulated by the look (FiLM, Perez et al.
+2018): most looks are a function of color, place and shape. r is the residual, from the
 denoiser. The second line is the posterior mean of a pixel whose prior is N(mean, p^2) (w is c_skip
 of Karras et al. 2022): a pixel with hardly any noise is kept, pure noise is ignored, and
 v = (a x_t - x0) / b (Salimans and Ho 2022) stays bounded at both ends.
@@ -31,7 +31,6 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from gsedit.datasets.padding import pad_to_multiple
-from gsedit.editors.small.text import TextEncoder
 
 HEAD_CHANNELS = 32  # of an attention head
 GROUPS = 8  # of a group norm
@@ -220,9 +219,11 @@ class Architecture:
     pixel_mlp: int = 32
     """Width of the MLP's hidden layers."""
     embedding: int = 256
-    """Channels of the joint embedding of instruction and noise level."""
+    """Channels of the joint embedding of look and noise level."""
     text_width: int = 128
-    text_layers: int = 2
+    """Channels of a look's vector."""
+    looks: int = 51
+    """Number of looks, each with a vector; there is one more, of no look."""
 
     @property
     def multiple(self) -> int:
@@ -241,14 +242,12 @@ def from_cells(cells: Float[Tensor, "b 48 y x"]) -> Float[Tensor, "b h w 3"]:
 
 
 class SmallNetwork(nn.Module):
-    """Image encoder, text encoder and denoiser; see the module's docstring."""
+    """Image encoder, vectors of looks and denoiser; see the module's docstring."""
 
     def __init__(self, architecture: Architecture | None = None) -> None:
         super().__init__()
         self.architecture = a = architecture or Architecture()
-        self.text_encoder = TextEncoder(
-            a.text_width, a.text_layers, heads=a.text_width // HEAD_CHANNELS
-        )
+        self.looks = nn.Embedding(a.looks + 1, a.text_width)
         self.image_encoder = UNet(CHANNELS + 1, a.image_encoder, None, a.attention_levels)
         self.pixel_head = nn.Conv2d(
             a.image_encoder[0], a.pixel_features * CELL_PIXELS * CELL_PIXELS, 3, padding=1
@@ -278,22 +277,6 @@ class SmallNetwork(nn.Module):
         pixels = self.pixel_head(F.silu(features))
         return EncodedImage(features, F.pixel_shuffle(pixels, CELL_PIXELS))
 
-    def forward(
-        self,
-        x: Float[Tensor, "b 48 y x"],
-        sigma: Float[Tensor, " b"],
-        image: Float[Tensor, "b 48 y x"],
-        image_mask: Float[Tensor, " b"],
-        encoded: EncodedImage,
-        text: Float[Tensor, "b d"],
-    ) -> Float[Tensor, "b 48 y x"]:
-        """x0 of x = x_t, which has unit power where it is all noise (a^2 + b^2 = 1; sigma = b / a).
-
-        `encoded` is what `encode_image` returns for the image and its mask, `text` what
-        `text_encoder` returns for the instruction.
-        """
-        return self.denoise(x, sigma, self.prepare(image, image_mask, encoded), text)
-
     def prepare(
         self,
         image: Float[Tensor, "b 48 y x"],
@@ -317,8 +300,11 @@ class SmallNetwork(nn.Module):
         prepared: PreparedImage,
         text: Float[Tensor, "n d"],
     ) -> Float[Tensor, "n 48 y x"]:
-        """As `forward`, of prepared images; `n` is a multiple of `b`. The texts of all images
-        under one instruction come before those under the next."""
+        """x0 of x = x_t, which has unit power where it is all noise (a^2 + b^2 = 1; sigma = b / a).
+
+        `text` are rows of `looks`; `n` is a multiple of `b`: those of all images under one look
+        come before those under the next.
+        """
         y, w = x.shape[-2:]
         level = sigma[:, None, None, None]
         scaled = self._padded(x / (1 + level / INPUT_NOISE_SCALE))

@@ -12,8 +12,6 @@ from dataclasses import dataclass
 from functools import partial
 from math import isqrt
 from pathlib import Path
-from shutil import copyfileobj
-from tempfile import TemporaryFile
 
 import numpy as np
 from jaxtyping import Float32, Int, UInt8, UInt32
@@ -34,15 +32,13 @@ from gsedit.formats.streams import (
     SceneHeader,
     SceneSource,
     WriteOptions,
+    gather,
 )
 from gsedit.scene.morton import morton_order
-from gsedit.scene.table import SplatTable, concatenate_tables
+from gsedit.scene.table import SplatTable
 from rasterizer.numerics import color_to_sh
 
 CHUNK = 256
-SORTED_AT_ONCE = 1 << 20
-"""Rows that are brought into Morton order together before they are cut into chunks: a chunk is
-then small in space, and its numbers fine. A whole scene mostly; a larger one in such parts."""
 SCALE_LIMIT = 20.0
 """Largest log scale, as in PlayCanvas' writer: one stray row would coarsen its whole chunk."""
 _REST = "sh bytes"
@@ -204,56 +200,38 @@ _SH_VALUES[[0, 255]] = -SH_RANGE / 2, SH_RANGE / 2  # as PlayCanvas reads them
 
 
 def write(path: Path, header: SceneHeader, blocks: Blocks, options: WriteOptions) -> int:
-    """Write chunks of Gaussians in Morton order; the number of rows.
-
-    The bounds of the chunks stay in memory (0.3 bytes a Gaussian), the rest waits in files beside
-    `path` that have no name.
-    """
-    k = (header.degree + 1) ** 2
-    chunks: list[np.ndarray] = []
-    count = 0
-    with TemporaryFile(dir=path.parent) as vertices, TemporaryFile(dir=path.parent) as rest:
-        for table in _parts(blocks):
-            order = morton_order(table.means)
-            bounds, packed = _pack(table, order)
-            chunks.append(bounds)
-            vertices.write(packed.tobytes())
-            rest.write(table.extra[_REST][order].tobytes())
-            count += len(table)
-        columns = {
-            "chunk": (sum(map(len, chunks)), np.dtype([(name, "<f4") for name in _BOUNDS])),
-            "vertex": (count, np.dtype([(name, "<u4") for name in _PACKED])),
-        }
-        if k > 1:
-            names = [f"f_rest_{i}" for i in range(3 * (k - 1))]
-            columns["sh"] = (count, np.dtype([(name, "u1") for name in names]))
-        lines = (f"element {n} {c}\n{element_header(row)}" for n, (c, row) in columns.items())
-        with path.open("wb") as handle:
-            start = f"ply\nformat binary_little_endian 1.0\n{''.join(lines)}end_header\n"
-            handle.write(start.encode())
-            for bounds in chunks:
-                handle.write(bounds.astype("<f4").tobytes())
-            for spool in (vertices, rest):
-                spool.seek(0)
-                copyfileobj(spool, handle, 1 << 20)
-    return count
+    """Write chunks of Gaussians in Morton order; the number of rows. Holds the scene, its SH beyond
+    the DC term as bytes."""
+    rest = 3 * (header.degree + 1) ** 2 - 3
+    beside = SceneHeader(0, {_REST: np.dtype((np.uint8, rest))} if rest else {})
+    table = gather(map(_with_bytes, blocks), beside, 0)
+    order = morton_order(table.means)
+    bounds, packed = _pack(table, order)
+    parts = {
+        "chunk": (bounds, [(name, "<f4") for name in _BOUNDS]),
+        "vertex": (packed, [(name, "<u4") for name in _PACKED]),
+    }
+    if rest:
+        names = [(f"f_rest_{i}", "u1") for i in range(rest)]
+        parts["sh"] = (table.extra[_REST][order], names)
+    lines = (
+        f"element {name} {len(rows)}\n{element_header(np.dtype(row))}"
+        for name, (rows, row) in parts.items()
+    )
+    with path.open("wb") as handle:
+        start = f"ply\nformat binary_little_endian 1.0\n{''.join(lines)}end_header\n"
+        handle.write(start.encode())
+        for rows, row in parts.values():
+            np.ascontiguousarray(rows, row[0][1]).tofile(handle)
+    return len(table)
 
 
-def _parts(blocks: Blocks) -> Iterator[SplatTable]:
-    """The rows in tables of SORTED_AT_ONCE: whole chunks, but for the last. The SH beyond the
-    DC term waits as bytes, in the extra column _REST."""
-    waiting: list[SplatTable] = []
-    rows = 0
-    for block in blocks:
-        rest = _sh_bytes(block.sh[:, 1:].transpose(0, 2, 1).reshape(len(block), -1))
-        waiting.append(block.replace(sh=block.sh[:, :1].copy(), extra={_REST: rest}))
-        rows += len(block)
-        while rows >= SORTED_AT_ONCE:
-            whole = concatenate_tables(waiting)
-            waiting, rows = [whole[SORTED_AT_ONCE:]], rows - SORTED_AT_ONCE
-            yield whole[:SORTED_AT_ONCE]
-    if rows:
-        yield concatenate_tables(waiting)
+def _with_bytes(table: SplatTable) -> SplatTable:
+    """The table with its SH beyond the DC term as bytes, channel-major, in the column _REST."""
+    rest = table.sh[:, 1:].transpose(0, 2, 1).reshape(len(table), -1)
+    with np.errstate(invalid="ignore", over="ignore"):  # damaged rows: told later
+        bytes_ = ((rest / SH_RANGE + 0.5) * 256).clip(0, 255).astype(np.uint8)
+    return table.replace(sh=table.sh[:, :1], extra={_REST: bytes_} if bytes_.size else {})
 
 
 def _pack(
@@ -298,8 +276,3 @@ def _pack_quats(quats: Float32[np.ndarray, "n 4"]) -> UInt32[np.ndarray, " n"]:
     others, largest = smallest_three(quats)
     small = others * np.float32(0.5**0.5) + np.float32(0.5)
     return _bits(small, ((20, 10), (10, 10), (0, 10))) | (largest.astype(np.uint32) << 30)
-
-
-def _sh_bytes(values: np.ndarray) -> UInt8[np.ndarray, "n c"]:
-    with np.errstate(invalid="ignore", over="ignore"):  # damaged rows: told later
-        return ((values / SH_RANGE + 0.5) * 256).clip(0, 255).astype(np.uint8)

@@ -6,12 +6,13 @@ wxyz; f_rest is channel-major in the file (all of red, all of green, ...), coeff
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from functools import partial
 from math import isqrt, log
 from pathlib import Path
 
 import numpy as np
+from numpy.lib.recfunctions import structured_to_unstructured
 
 from gsedit.errors import InputError, UsageError
 from gsedit.formats.ply.records import (
@@ -51,10 +52,6 @@ MIP_COMMENTS = ("antialiased 1", "SplatRenderMode: mip")
 """How Postshot and Brush mark a scene that was trained with Mip-Splatting's filter."""
 LOOK_AT = 4096
 """Rows that tell whether the normals are all zero."""
-
-
-_Place = tuple[int, int]
-"""A column: the run it is in, and its index there."""
 
 
 def sh_columns(k: int) -> tuple[tuple[str, str, str], ...]:
@@ -227,55 +224,27 @@ def _normals(path: Path, header: PlyHeader, vertex: PlyElement) -> tuple[str, ..
 def _read(path: Path, header: PlyHeader, k: int, extra: tuple[str, ...]) -> Blocks:
     """The rows, some at a time."""
     vertex = header.element("vertex")
-    if vertex is None or vertex.count == 0:
-        return
-    row, places = _runs(vertex, header.byte_order)
-    for rows in element_blocks(path, header, "vertex", AT_ONCE):
-        yield _table(rows, rows.view(row), places, k, extra)
+    if vertex is not None and vertex.count:
+        for rows in element_blocks(path, header, "vertex", AT_ONCE):
+            yield _table(rows, k, extra)
 
 
-def _table(
-    rows: np.ndarray, runs: np.ndarray, places: Mapping[str, _Place], k: int, extra: tuple[str, ...]
-) -> SplatTable:
-    """Records as a table; `runs` are the same records with neighboring columns in one array."""
-    take = partial(_take, runs, places)
+def _table(rows: np.ndarray, k: int, extra: tuple[str, ...]) -> SplatTable:
+    """Records as a table."""
+
+    def take(names: Sequence[str]) -> np.ndarray:
+        return structured_to_unstructured(rows[list(names)])
+
     sh = np.empty((len(rows), k, 3), np.float32)
     with np.errstate(over="ignore"):  # a double beyond float32 becomes inf: found later
         sh[:, 0] = take(sh_columns(1)[0])
-        for channel in range(3 if k > 1 else 0):  # faster than one transposed copy
-            names = (f"f_rest_{i}" for i in range(channel * (k - 1), (channel + 1) * (k - 1)))
-            sh[:, 1:, channel] = take(tuple(names))
+        if k > 1:
+            rest = take([f"f_rest_{i}" for i in range(3 * (k - 1))])
+            sh[:, 1:] = rest.reshape(len(rows), 3, k - 1).transpose(0, 2, 1)
         log_scales = np.full((len(rows), 3), FLAT, np.float32)
-        present = tuple(name for name in _SCALES if name in places)
+        present = [name for name in _SCALES if name in (rows.dtype.names or ())]
         log_scales[:, : len(present)] = take(present)
-        fields = (take(_MEANS), take(_QUATS), log_scales, take(("opacity",))[:, 0])
+        fields = (take(_MEANS), take(_QUATS), log_scales, rows["opacity"])
         means, quats, log_scales, logits = (np.array(f, np.float32, order="C") for f in fields)
     kept = {name: rows[name].astype(rows.dtype[name].newbyteorder("=")) for name in extra}
     return SplatTable(means, quats, log_scales, logits, sh, extra=kept)
-
-
-def _runs(vertex: PlyElement, byte_order: str) -> tuple[np.dtype, dict[str, _Place]]:
-    """The record with neighboring columns of one type in one array, and where each column is."""
-    kinds = vertex.dtype(byte_order)
-    runs: list[tuple[np.dtype, int]] = []
-    places = {}
-    for name in vertex.names:
-        kind = kinds[name]
-        if runs and runs[-1][0] == kind:
-            runs[-1] = kind, runs[-1][1] + 1
-        else:
-            runs.append((kind, 1))
-        places[name] = len(runs) - 1, runs[-1][1] - 1
-    return np.dtype([(f"run{i}", kind, (n,)) for i, (kind, n) in enumerate(runs)]), places
-
-
-def _take(runs: np.ndarray, places: Mapping[str, _Place], names: tuple[str, ...]) -> np.ndarray:
-    """Some columns beside each other; a view where they are neighbors in the file."""
-    at = [places[name] for name in names]
-    first = at[0]
-    if at == [(first[0], first[1] + i) for i in range(len(at))]:
-        return runs[f"run{first[0]}"][:, first[1] : first[1] + len(at)]
-    out = np.empty((len(runs), len(at)), np.float32)
-    for i, (run, index) in enumerate(at):
-        out[:, i] = runs[f"run{run}"][:, index]
-    return out

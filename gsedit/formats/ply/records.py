@@ -6,7 +6,7 @@ Format: G. Turk, "The PLY Polygon File Format", 1994."""
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -28,7 +28,6 @@ HEADER_MAX_BYTES = 1 << 20  # 62 columns take 1.5 kB; 1 MB leaves room for long 
 MAX_ELEMENTS, MAX_COLUMNS = 100, 4096
 """Limits of a header. A splat of SH degree 4 has 86 columns, one with learnt features hundreds."""
 _CUT_OFF = "it is cut off, copy or export it again"
-_LIST_IN_FRONT = "a list element stands before {}: export it without faces"
 
 
 @dataclass(frozen=True)
@@ -104,11 +103,26 @@ def element_blocks(path: Path, header: PlyHeader, name: str, at_once: int) -> It
     element = header.element(name)
     if element is None or element.has_lists:
         raise InputError(f"{path}: there is no element {name} without lists: export it again")
-    with path.open("rb") as handle:
-        _seek(path, handle, header, element)
-        for start in range(0, element.count, at_once):
-            rows = min(at_once, element.count - start)
-            yield _read_rows(path, handle, header, element, start, rows)
+    before = header.elements[: header.elements.index(element)]
+    dtype = element.dtype(header.byte_order)
+    if header.format == "ascii":
+        with path.open("rb") as handle:
+            handle.seek(header.data_offset)
+            lines = islice(
+                (line for line in handle if line.strip()), sum(e.count for e in before), None
+            )
+            for start in range(0, element.count, at_once):
+                rows = min(at_once, element.count - start)
+                yield _whole(
+                    path, element, start, rows, _parsed(path, element, dtype, islice(lines, rows))
+                )
+        return
+    if any(each.has_lists for each in before):
+        raise InputError(f"{path}: a list element stands before {name}: export it without faces")
+    offset = header.data_offset + sum(each.count * each.row_bytes for each in before)
+    for start in range(0, element.count if element.columns else 0, at_once):
+        rows, at = min(at_once, element.count - start), offset + start * dtype.itemsize
+        yield _whole(path, element, start, rows, np.fromfile(path, dtype, rows, offset=at))
 
 
 def element_header(row: np.dtype) -> str:
@@ -137,20 +151,6 @@ def other_elements(
             parts = list(element_blocks(path, header, element.name, max(element.count, 1)))
             kept[element.name] = parts[0] if parts else np.zeros(0, element.dtype("<"))
     return kept, left_out
-
-
-def _seek(path: Path, handle: BinaryIO, header: PlyHeader, element: PlyElement) -> None:
-    """Go to the first row of an element."""
-    handle.seek(header.data_offset)
-    for before in header.elements[: header.elements.index(element)]:
-        if header.format == "ascii":
-            filled = (line for line in handle if line.strip())
-            for _ in islice(filled, before.count):
-                pass
-        elif before.has_lists:
-            raise InputError(f"{path}: {_LIST_IN_FRONT.format(element.name)}")
-        else:
-            handle.seek(before.count * before.row_bytes, 1)
 
 
 def _parse_header(path: Path, handle: BinaryIO) -> PlyHeader:
@@ -232,25 +232,20 @@ def _check_size(path: Path, header: PlyHeader) -> None:
             )
 
 
-def _read_rows(
-    path: Path, handle: BinaryIO, header: PlyHeader, element: PlyElement, start: int, count: int
-) -> np.ndarray:
-    """The next `count` rows of an element, which are those from `start` on."""
-    dtype = element.dtype(header.byte_order)
-    if count == 0 or not element.columns:
-        return np.zeros(count if element.columns else 0, dtype)
-    if header.format != "ascii":
-        rows = np.fromfile(handle, dtype, count)
-    else:
-        filled = (line for line in handle if line.strip())
-        try:
-            with warnings.catch_warnings():  # on no rows at all: an InputError follows below
-                warnings.simplefilter("ignore", UserWarning)
-                rows = np.loadtxt(islice(filled, count), dtype, comments=None, ndmin=1)
-        except (ValueError, OverflowError) as error:
-            reason = str(error).split("\n")[0].split(";")[0]  # then follows advice on NumPy's API
-            reason = reason.replace("the dtype passed requires", "a row needs")
-            raise InputError(f"{path}: element {element.name}: {reason}: export it again") from None
+def _parsed(path: Path, element: PlyElement, dtype: np.dtype, lines: Iterable[bytes]) -> np.ndarray:
+    """Rows of text. Raises InputError where they are no numbers of that type."""
+    try:
+        with warnings.catch_warnings():  # on no rows at all: an InputError follows
+            warnings.simplefilter("ignore", UserWarning)
+            return np.loadtxt(lines, dtype, comments=None, ndmin=1)
+    except (ValueError, OverflowError) as error:
+        reason = str(error).split("\n")[0].split(";")[0]  # then follows advice on NumPy's API
+        reason = reason.replace("the dtype passed requires", "a row needs")
+        raise InputError(f"{path}: element {element.name}: {reason}: export it again") from None
+
+
+def _whole(path: Path, element: PlyElement, start: int, count: int, rows: np.ndarray) -> np.ndarray:
+    """The rows from `start` on. Raises InputError where they are fewer than `count`."""
     if len(rows) < count:
         raise InputError(
             f"{path}: element {element.name} ends after row {start + len(rows)} of "

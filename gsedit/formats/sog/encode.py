@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import zipfile
 from collections.abc import Callable
@@ -16,10 +17,14 @@ import numpy as np
 from jaxtyping import Float32, Int32, Shaped, UInt8
 
 from gsedit.formats.quantised import smallest_three
-from gsedit.formats.sog.pictures import ENTRIES_A_ROW, LARGEST_TAG, META, lossless_webp
 from gsedit.scene.morton import morton_order
 from gsedit.scene.table import SplatTable
 
+META = "meta.json"
+LARGEST_TAG = 252
+"""Alpha of a rotation: this, plus the place of the largest component of wxyz."""
+ENTRIES_A_ROW = 64
+"""Entries in a row of the palette's picture; an entry has one pixel a coefficient."""
 CODES = 256
 """Entries of a codebook: an index is one byte."""
 _BINS = 1 << 16
@@ -171,24 +176,20 @@ def write_sog(path: Path, table: SplatTable, *, antialiased: bool) -> None:
         def store(name: str, data: bytes) -> None:
             archive.writestr(zipfile.ZipInfo(name, _LONG_AGO), data)
 
-        store_sog(store, table[morton_order(table.means)], antialiased=antialiased)
-
-
-def store_sog(store: Store, table: SplatTable, *, antialiased: bool) -> None:
-    """Hand over the files of a scene that is not empty, rows as they come, meta.json last."""
-    meta = {
-        "version": 2,
-        "asset": {"generator": "gsedit"},
-        "count": len(table),
-        "antialias": antialiased,
-        "means": _means(store, table.means),
-        "scales": _scales(store, table.log_scales),
-        "quats": _quats(store, table.quats),
-        "sh0": _colors(store, table),
-    }
-    if table.degree:
-        meta["shN"] = _sh(store, table)
-    store(META, json.dumps(meta, separators=(",", ":")).encode())
+        table = table[morton_order(table.means)]
+        meta = {
+            "version": 2,
+            "asset": {"generator": "gsedit"},
+            "count": len(table),
+            "antialias": antialiased,
+            "means": _means(store, table.means),
+            "scales": _scales(store, table.log_scales),
+            "quats": _quats(store, table.quats),
+            "sh0": _colors(store, table),
+        }
+        if table.degree:
+            meta["shN"] = _sh(store, table)
+        store(META, json.dumps(meta, separators=(",", ":")).encode())
 
 
 def _means(store: Store, means: Float32[np.ndarray, "n 3"]) -> dict[str, object]:
@@ -254,3 +255,12 @@ def _opaque(pixels: UInt8[np.ndarray, "h w c"]) -> UInt8[np.ndarray, "h w 4"]:
         return pixels
     alpha = np.full((*pixels.shape[:2], 1), 255, np.uint8)
     return np.concatenate((pixels, alpha), 2)
+
+
+def lossless_webp(pixels: UInt8[np.ndarray, "h w 4"]) -> bytes:
+    """The picture with every value as it is, colors of transparent pixels too (`exact`)."""
+    from PIL import Image
+
+    out = io.BytesIO()
+    Image.fromarray(pixels).save(out, "WEBP", lossless=True, exact=True, quality=75, method=4)
+    return out.getvalue()

@@ -1,4 +1,4 @@
-"""PlayCanvas' .sog: versions 1 and 2 in (a zip, or meta.json with its pictures), 2 out (a zip).
+"""PlayCanvas' .sog of version 2: in a zip, or meta.json with its pictures; out a zip.
 
 Every value is a byte or two of a pixel of lossless WebP pictures: positions in 16 bits along a
 logarithm, rotations as smallest three, scales, colors and SH through codebooks of 256 numbers, SH
@@ -9,9 +9,12 @@ Source: developer.playcanvas.com/user-manual/gaussian-splatting/formats/sog.
 
 from __future__ import annotations
 
+import io
+import struct
+import zipfile
+import zlib
 from dataclasses import dataclass
 from functools import partial
-from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -21,13 +24,7 @@ from jaxtyping import Float32, Float64, UInt8
 from gsedit.errors import InputError
 from gsedit.formats.limits import check_expansion
 from gsedit.formats.quantised import from_smallest_three, logits_of
-from gsedit.formats.sog.pictures import (
-    ENTRIES_A_ROW,
-    LARGEST_TAG,
-    META,
-    SogFiles,
-    picture_size,
-)
+from gsedit.formats.sog.encode import ENTRIES_A_ROW, LARGEST_TAG, META, write_sog
 from gsedit.formats.streams import (
     AT_ONCE,
     Blocks,
@@ -38,20 +35,42 @@ from gsedit.formats.streams import (
     gather,
 )
 from gsedit.scene.table import SplatTable
-from gsedit.storage.json_files import object_of, parse_json
+from gsedit.storage.inputs import existing_file, file_inside
+from gsedit.storage.json_files import (
+    Check,
+    Misfit,
+    checked,
+    list_of,
+    number,
+    numbers,
+    object_of,
+    parse_json,
+    text,
+)
+from gsedit.storage.safe_names import safe_name
 
+_CUT = "it is cut off or damaged, copy or export it again"
+_BROKEN_ZIP = (
+    zipfile.BadZipFile, zlib.error, struct.error,
+    OSError, EOFError, RuntimeError, ValueError, NotImplementedError,
+)  # fmt: skip
+"""Errors that zipfile raises for damaged archives."""
+_BROKEN_PICTURE = (OSError, EOFError, ValueError, SyntaxError, struct.error, zlib.error)
+"""Errors that Pillow raises for damaged pictures."""
+_SPARE = 1 << 16
+"""Pixels that a picture may have above four times those that the scene needs."""
 META_MAX_BYTES = 1 << 20
 _PALETTE_MAX = 1 << 16
 _BYTES_A_ROW = 24
 """Bytes of the six pictures that have one pixel a Gaussian."""
 _AGAIN = "export it again"
+_NAMES = ("means", "scales", "quats", "sh0", "shN")
 
 
 @dataclass(frozen=True, eq=False)
 class _Scene:
     """Contents of a meta.json, checked."""
 
-    version: int
     count: int
     antialiased: bool
     lows: Float64[np.ndarray, "3"]
@@ -61,21 +80,21 @@ class _Scene:
     """The codebook of each axis."""
     colors: Float32[np.ndarray, "256 4"]
     """Those of red, green, blue and the logit of opacity."""
-    degree: int = 0
-    entries: int = 0
+    degree: int
+    entries: int
     """Entries of the SH palette."""
-    sh: Float32[np.ndarray, "256"] | None = None
+    sh: Float32[np.ndarray, "256"] | None
 
 
 def open_source(path: Path, options: ReadOptions) -> SceneSource:
     """Open a .sog, or a meta.json. Raises InputError for one that cannot be right."""
     files = SogFiles(path)
-    scene = _Meta(files).scene()
+    scene = _scene(files)
     names = [name for each in scene.files.values() for name in each]
     check_expansion(path, files.size(names), scene.count * _BYTES_A_ROW)
     return SceneSource(
         path,
-        f"{'.sog' if files.zipped else 'SOG folder'} version {scene.version}",
+        ".sog" if files.zipped else "SOG folder",
         SceneHeader(scene.degree, antialiased=scene.antialiased),
         scene.count,
         partial(_blocks, files, scene),
@@ -84,127 +103,74 @@ def open_source(path: Path, options: ReadOptions) -> SceneSource:
 
 def write(path: Path, header: SceneHeader, blocks: Blocks, options: WriteOptions) -> int:
     """Write a zip of version 2, rows in Morton order; the number of rows."""
-    from gsedit.formats.sog.encode import write_sog
-
     table = gather(blocks, header, 0)
     if len(table):
         write_sog(path, table, antialiased=header.antialiased)
     return len(table)
 
 
-class _Meta:
-    """Reads the values of a meta.json; each raises InputError where it is not what it should be."""
+def _codebook(value: Any, place: str) -> Float32[np.ndarray, "256"]:
+    """At most 256 numbers, then NaN. A first one that is null, as early writers stored it, is where
+    the others lead back to."""
+    codes = list(value) if isinstance(value, list) else []
+    if len(codes) == 256 and codes[0] is None:
+        last, first = numbers(2, most=_MOST)([codes[-1], codes[1]], place).tolist()
+        codes[0] = first + (first - last) / 255
+    if not 0 < len(codes) <= 256:
+        raise Misfit(f"{place} has {len(codes)} numbers")
+    known = numbers(len(codes), most=_MOST)(codes, place)
+    return np.append(known, np.full(256 - len(codes), np.nan)).astype(np.float32)
 
-    def __init__(self, files: SogFiles) -> None:
-        self.files, self.path = files, files.path
-        data = files.read(META, META_MAX_BYTES)
-        self.values = parse_json(data, f"{self.path}: {META}", object_of({}), advice=_AGAIN)
 
-    def scene(self) -> _Scene:
-        version = self.values.get("version", 1)
-        if version not in (1, 2) or isinstance(version, bool):
-            raise InputError(f"{self.path} is SOG version {version!r}: gsedit reads 1 and 2")
-        means = self.part("means")
-        if version == 2:
-            count = self.checked("count", self.values.get("count"), int)
-        else:
-            count = self.checked("means.shape", (means.get("shape") or [None])[0], int)
-        if not 0 <= count < 1 << 32:
-            raise InputError(f"{self.path}: {META} announces {count} Gaussians: {_AGAIN}")
-        scales, colors = (self.codes if version == 2 else self.ranges)("scales", "sh0")
-        files = {"means": 2, "scales": 1, "quats": 1, "sh0": 1}
-        files = {name: self.names(name, number) for name, number in files.items()}
-        scene = _Scene(
-            version,
-            count,
-            self.values.get("antialias") is True,
-            self.numbers("means.mins", means.get("mins"), 3),
-            self.numbers("means.maxs", means.get("maxs"), 3),
-            files,
-            scales,
-            colors,
+def _property(files: int, **needed: Check) -> Check:
+    """A property that is stored in so many pictures."""
+    return object_of({**needed, "files": list_of(text(), files, files)})
+
+
+_MOST = 1e30
+_META = object_of(
+    {
+        "count": number(0, (1 << 32) - 1, whole=True),
+        "means": _property(2, **dict.fromkeys(("mins", "maxs"), numbers(3, most=_MOST))),
+        "scales": _property(1, codebook=_codebook),
+        "quats": _property(1),
+        "sh0": _property(1, codebook=_codebook),
+    },
+    {
+        "shN": _property(
+            2,
+            bands=number(0, 3, whole=True),
+            count=number(1, _PALETTE_MAX, whole=True),
+            codebook=_codebook,
         )
-        if self.values.get("shN") is None:
-            return scene
-        files["shN"] = self.names("shN", 2)
-        degree, entries, codes = (self.palette_2 if version == 2 else self.palette_1)(files["shN"])
-        return _Scene(**{**vars(scene), "degree": degree, "entries": entries, "sh": codes})
-
-    def codes(self, *names: str) -> tuple[np.ndarray, np.ndarray]:
-        """Version 2: one codebook for all axes, one for all colors; opacity as it is."""
-        scales, colors = (self.codebook(name) for name in names)
-        logits = logits_of(np.arange(256) / 255)
-        channels = np.column_stack((colors, colors, colors, logits)).astype(np.float32)
-        return np.tile(scales[:, None], 3), channels
-
-    def ranges(self, *names: str) -> tuple[np.ndarray, np.ndarray]:
-        """Version 1: even steps between an end and the other of each axis or channel."""
-        steps = np.arange(256)[:, None] / 255
-        ends = [
-            [self.numbers(f"{name}.{key}", self.part(name).get(key), size) for key in _ENDS]
-            for name, size in zip(names, (3, 4))
-        ]
-        scales, colors = (low + (high - low) * steps for low, high in ends)
-        return scales.astype(np.float32), colors.astype(np.float32)
-
-    def palette_2(self, names: list[str]) -> tuple[int, int, np.ndarray]:
-        part = self.part("shN")
-        degree = self.checked("shN.bands", part.get("bands"), int)
-        entries = self.checked("shN.count", part.get("count"), int)
-        if not (0 <= degree <= 3 and 0 < entries <= _PALETTE_MAX):
-            raise InputError(f"{self.path}: shN of {degree} bands, {entries} entries: {_AGAIN}")
-        return degree, entries, self.codebook("shN")
-
-    def palette_1(self, names: list[str]) -> tuple[int, int, np.ndarray]:
-        """Its size is that of its picture."""
-        data = self.files.read(names[0], 32 * _PALETTE_MAX * 4)
-        width, height = picture_size(data) or (0, 0)
-        degree = {ENTRIES_A_ROW * ((d + 1) ** 2 - 1): d for d in (1, 2, 3)}.get(width, -1)
-        if degree < 0 or height * ENTRIES_A_ROW > _PALETTE_MAX:
-            raise InputError(f"{self.path}: {names[0]} is {width}x{height}: {_AGAIN}")
-        part = self.part("shN")
-        low, high = (self.numbers(f"shN.{key}", [part.get(key)], 1) for key in _ENDS)
-        codes = low + (high - low) * np.arange(256) / 255
-        return degree, height * ENTRIES_A_ROW, codes.astype(np.float32)
-
-    def codebook(self, name: str) -> Float32[np.ndarray, "256"]:
-        """At most 256 numbers, then NaN. A first one that is null, as early writers stored it, is
-        where the others lead back to."""
-        codes = self.checked(f"{name}.codebook", self.part(name).get("codebook"), list)
-        if len(codes) == 256 and codes[0] is None:
-            last, first = self.numbers(f"{name}.codebook", [codes[-1], codes[1]], 2)
-            codes = [float(first + (first - last) / 255), *codes[1:]]
-        if not 0 < len(codes) <= 256:
-            raise InputError(f"{self.path}: {name}.codebook has {len(codes)} numbers: {_AGAIN}")
-        known = self.numbers(f"{name}.codebook", codes, len(codes))
-        return np.append(known, np.full(256 - len(codes), np.nan)).astype(np.float32)
-
-    def names(self, name: str, number: int) -> list[str]:
-        """The files of a property."""
-        files = self.checked(f"{name}.files", self.part(name).get("files"), list)
-        if len(files) != number or not all(isinstance(each, str) for each in files):
-            raise InputError(f"{self.path}: {name}.files is not {number} names: {_AGAIN}")
-        return files
-
-    def part(self, name: str) -> dict[str, Any]:
-        return self.checked(name, self.values.get(name), dict)
-
-    def numbers(self, name: str, values: Any, size: int) -> Float64[np.ndarray, " n"]:
-        values = self.checked(name, values, list)
-        if len(values) != size or not all(
-            isinstance(v, int | float) and not isinstance(v, bool) and isfinite(v) and abs(v) < 1e30
-            for v in values
-        ):
-            raise InputError(f"{self.path}: {name} is not {size} finite numbers: {_AGAIN}")
-        return np.array(values, np.float64)
-
-    def checked(self, name: str, value: Any, kind: type) -> Any:
-        if not isinstance(value, kind) or isinstance(value, bool):
-            raise InputError(f"{self.path}: {META} has no {name} ({kind.__name__}): {_AGAIN}")
-        return value
+    },
+)
 
 
-_ENDS = ("mins", "maxs")
+def _scene(files: SogFiles) -> _Scene:
+    """The contents of the meta.json. Raises InputError where they are not what they should be."""
+    where = f"{files.path}: {META}"
+    meta = parse_json(files.read(META, META_MAX_BYTES), where, object_of({}), advice=_AGAIN)
+    if (version := meta.get("version", 1)) != 2:
+        raise InputError(
+            f"{files.path} is SOG version {str(version)[:20]}: gsedit reads 2, {_AGAIN}"
+        )
+    meta = checked(meta, _META, where, advice=_AGAIN)
+    codes = meta["sh0"]["codebook"]
+    channels = np.column_stack((codes, codes, codes, logits_of(np.arange(256) / 255)))
+    sh = meta.get("shN", {"bands": 0, "count": 0, "codebook": None})
+    return _Scene(
+        meta["count"],
+        meta.get("antialias") is True,
+        meta["means"]["mins"],
+        meta["means"]["maxs"],
+        {name: meta[name]["files"] for name in _NAMES if name in meta},
+        np.tile(meta["scales"]["codebook"][:, None], 3),
+        channels.astype(np.float32),
+        sh["bands"],
+        sh["count"],
+        sh["codebook"],
+    )
 
 
 def _blocks(files: SogFiles, scene: _Scene) -> Blocks:
@@ -284,3 +250,117 @@ def _palette(files: SogFiles, scene: _Scene) -> Float32[np.ndarray, "p k 3"]:
     codes = picture[:height, :, :3].reshape(-1, coefficients, 3)[: scene.entries]
     flat = _looked_up(files, "shN", scene.sh[:, None], codes.reshape(-1, 1))
     return flat.reshape(codes.shape)
+
+
+class SogFiles:
+    """The files beside a meta.json, or of a zip with a meta.json in it."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.zipped = path.name.lower() != META
+        self.prefix = ""
+        """Of names in the zip: some archives hold one folder."""
+        if self.zipped:
+            names = [info.filename for info in self._archive().infolist()]
+            metas = [name for name in names if name.rpartition("/")[2] == META]
+            if not metas:
+                raise InputError(f"{path} is a zip without {META}: export it again as .sog")
+            self.prefix = min(metas, key=len).removesuffix(META)
+
+    def read(self, name: str, limit: int) -> bytes:
+        """The bytes of a file. Raises InputError where it is missing, elsewhere or too large."""
+        name = safe_name(name, str(self.path))
+        data = self._unzipped(name, limit) if self.zipped else self._beside(name, limit)
+        if len(data) > limit:
+            raise InputError(
+                f"{self.path}: {name} is larger than its scene explains ({limit} bytes): {_CUT}"
+            )
+        return data
+
+    def size(self, names: list[str]) -> int:
+        """Bytes of the zip, or of the files together."""
+        if self.zipped:
+            return self.path.stat().st_size
+        return sum(self._file(name).stat().st_size for name in names)
+
+    def _file(self, name: str) -> Path:
+        """A file beside the meta.json, which is there."""
+        name = safe_name(name, str(self.path))
+        try:
+            return existing_file(file_inside(self.path.parent, name, str(self.path)))
+        except InputError as error:
+            raise InputError(f"{self.path} names a file: {error}") from None
+
+    def _beside(self, name: str, limit: int) -> bytes:
+        with self._file(name).open("rb") as handle:
+            return handle.read(limit + 1)
+
+    def _unzipped(self, name: str, limit: int) -> bytes:
+        with self._archive() as archive:
+            try:
+                info = archive.getinfo(self.prefix + name)
+            except KeyError:
+                raise InputError(f"{self.path} has no {name} in it: export it again") from None
+            if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+                raise InputError(f"{self.path}: {name} is packed in a rare way: zip it again")
+            try:
+                with archive.open(info) as handle:
+                    return handle.read(limit + 1)
+            except _BROKEN_ZIP as error:
+                raise InputError(f"{self.path}: {name} ({error}): {_CUT}") from None
+
+    def _archive(self) -> zipfile.ZipFile:
+        try:
+            return zipfile.ZipFile(self.path)
+        except _BROKEN_ZIP as error:
+            raise InputError(f"{self.path} is no readable zip ({error}): {_CUT}") from None
+
+    def pixels(self, name: str, count: int) -> UInt8[np.ndarray, "n 4"]:
+        """The first `count` pixels of a picture (WebP or PNG), RGBA, row after row."""
+        picture = self.picture(name, count)
+        return picture.reshape(-1, 4)[:count]
+
+    def picture(self, name: str, count: int) -> UInt8[np.ndarray, "h w 4"]:
+        """A picture of `count` pixels, or some more at its end."""
+        from PIL import Image
+
+        data = self.read(name, 8 * count + (1 << 20))  # lossless takes 4 bytes a pixel at most
+        where = f"{self.path}: {name}"
+        width, height = picture_size(data) or (0, 0)
+        if width * height < count:
+            raise InputError(
+                f"{where} has {width}x{height} pixels, the scene needs {count}: {_CUT}"
+            )
+        if width * height > 4 * count + _SPARE:
+            raise InputError(f"{where} has {width}x{height} pixels for {count} values: {_CUT}")
+        check_expansion(self.path, len(data), 4 * width * height)
+        try:
+            with Image.open(io.BytesIO(data), formats=("WEBP", "PNG")) as image:
+                if image.size != (width, height):
+                    raise ValueError("its size is told twice")
+                return np.asarray(image.convert("RGBA"))
+        except (*_BROKEN_PICTURE, Image.DecompressionBombError) as error:
+            raise InputError(f"{where} is no readable picture ({error}): {_CUT}") from None
+
+
+def picture_size(data: bytes) -> tuple[int, int] | None:
+    """Width and height from the header of a WebP or PNG; None for anything else.
+
+    Before Pillow sees it: its WebP decoder takes memory for the whole picture when it opens one.
+    Source: developers.google.com/speed/webp/docs/riff_container.
+    """
+    kind = data[12:16]
+    if data[:8] == b"\x89PNG\r\n\x1a\n" and len(data) >= 24:
+        return struct.unpack(">II", data[16:24])
+    if data[:4] != b"RIFF" or data[8:12] != b"WEBP" or len(data) < 30:
+        return None
+    if kind == b"VP8L":
+        bits = int.from_bytes(data[21:25], "little")
+        return (bits & 0x3FFF) + 1, (bits >> 14 & 0x3FFF) + 1
+    if kind == b"VP8X":
+        sizes = (int.from_bytes(data[at : at + 3], "little") + 1 for at in (24, 27))
+        return tuple(sizes)  # pyright: ignore[reportReturnType]
+    if kind == b"VP8 ":
+        width, height = struct.unpack("<HH", data[26:30])
+        return width & 0x3FFF, height & 0x3FFF
+    return None

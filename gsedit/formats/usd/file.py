@@ -2,27 +2,35 @@
 
 Scales and opacities are linear, rotations wxyz, SH as INRIA's, row after row. A stage is y up (or z
 up, which is kept): memory's axes turned by 180 degrees about x, in the values and not as a
-transform, so that they read the same without one. A child process runs the library; between the two
-are files of plain numbers, which are read and written a block at a time.
+transform, so that they read the same without one. A child process runs the library, which reads
+files of strangers in C++ and can crash on damaged ones; its memory and the bytes that it writes are
+bounded. Between the two are files of plain numbers. The library holds the scene, and so does
+writing here.
 Source: OpenUSD 26.11, the schemas of UsdVol; openusd.org.
 """
 
 from __future__ import annotations
 
 import json
+import os
 import shutil
+import subprocess
+import sys
 import tempfile
+import weakref
 from collections.abc import Iterator, Mapping
-from contextlib import ExitStack
 from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float32
 
-from gsedit.errors import InputError
+import gsedit
+from gsedit.errors import GseditError, InputError, UsageError
 from gsedit.formats.axes import from_axes, to_axes
+from gsedit.formats.limits import ALWAYS_BYTES
 from gsedit.formats.quantised import LOGIT_MAX, log_scales_of, logits_of
 from gsedit.formats.streams import (
     AT_ONCE,
@@ -32,9 +40,9 @@ from gsedit.formats.streams import (
     SceneHeader,
     SceneSource,
     WriteOptions,
+    gather,
 )
 from gsedit.formats.usd.child import COEFFICIENTS, ORIENTATIONS, SCHEMA, WIDTHS
-from gsedit.formats.usd.library import Scratch, check_installed, values_of, write_folder
 from gsedit.formats.usd.units import Units, units_in, units_of
 from gsedit.scene.similarity import IDENTITY, Similarity, similarity_of
 from gsedit.scene.table import SplatTable
@@ -45,6 +53,17 @@ _BINARY = (b"PXR-USDC", b"PK\3\4")
 _REACH = 3
 """Standard deviations that the extent holds: 99.7 % of a Gaussian along an axis, as the schema's
 kernel is described."""
+
+EXPANSION = 128
+"""Bytes of numbers for a byte of a file: lists of equal numbers are packed well."""
+TEXT = 8
+"""Bytes of text for a byte of numbers, at most: 17 for the 4 of a float, and brackets."""
+MEMORY = 1 << 31
+"""Bytes of address space that the child may take beside what its files explain: the library
+itself maps 0.4 GB."""
+SECONDS = 60
+"""CPU seconds that the child may take, and as many for every 10 MB."""
+INSTALL = "pip install 'gsedit[usd]' (Python 3.11 or newer)"
 
 
 def open_source(path: Path, options: ReadOptions) -> SceneSource:
@@ -146,34 +165,27 @@ def write(path: Path, header: SceneHeader, blocks: Blocks, options: WriteOptions
     number of rows. Axes and unit are those of the comments. Raises UsageError without usd-core."""
     check_installed(path)
     units, comments = units_in(header.comments)
-    low, high = np.full(3, np.inf, np.float32), np.full(3, -np.inf, np.float32)
-    count, folder = 0, Path(tempfile.mkdtemp(prefix=".gs-usd-", dir=path.parent))
+    table = to_axes(gather(blocks, header, 0), units.axes)
+    if not len(table):
+        return 0
+    folder = Path(tempfile.mkdtemp(prefix=".gs-usd-", dir=path.parent))
     try:
-        with ExitStack() as stack:
-            files = {
-                name: stack.enter_context((folder / name.replace(":", ".")).open("wb"))
-                for name in WIDTHS
-            }
-            for block in blocks:
-                table = to_axes(block, units.axes)
-                for name, values in _attributes(table).items():
-                    files[name].write(np.ascontiguousarray(values, np.float32).data)
-                reach = _REACH * table.scales.max(1, keepdims=True)
-                low = np.fmin(low, np.fmin.reduce(table.means - reach))
-                high = np.fmax(high, np.fmax.reduce(table.means + reach))
-                count += len(block)
-            size = sum(file.tell() for file in files.values())
+        size = 0
+        for name, values in _attributes(table).items():
+            np.ascontiguousarray(values, np.float32).tofile(folder / name.replace(":", "."))
+            size += values.nbytes
+        reach = _REACH * table.scales.max(1, keepdims=True)
+        low, high = np.fmin.reduce(table.means - reach), np.fmax.reduce(table.means + reach)
         record = {
             "meters": units.meters, "up": units.up, "degree": header.degree,
             "extent": [low.tolist(), high.tolist()], "antialiased": header.antialiased,
             "comments": [" ".join(c.split()) for c in comments if not c.startswith(PROGRAM)],
         }  # fmt: skip
         (folder / "record.json").write_text(json.dumps(record), encoding="utf-8")
-        if count:
-            write_folder(folder, path, size)
+        write_folder(folder, path, size)
     finally:
         shutil.rmtree(folder)
-    return count
+    return len(table)
 
 
 def _attributes(table: SplatTable) -> dict[str, np.ndarray]:
@@ -187,3 +199,64 @@ def _attributes(table: SplatTable) -> dict[str, np.ndarray]:
         "opacities": table.opacities,
         COEFFICIENTS: table.sh,
     }
+
+
+class Scratch:
+    """A file in a folder of its own, removed with the last who holds it."""
+
+    def __init__(self, name: str) -> None:
+        folder = Path(tempfile.mkdtemp(prefix="gsedit-usd-"))
+        weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
+        self.path = folder / name
+
+    def __fspath__(self) -> str:
+        return str(self.path)
+
+    __str__ = __fspath__
+
+
+def values_of(path: Path) -> Scratch:
+    """The numbers of a USD file's splats, with what they are in a .json beside them.
+
+    Raises UsageError without usd-core, InputError for a file that it cannot read.
+    """
+    check_installed(path)
+    scratch = Scratch("values")
+    size = path.stat().st_size
+    most = max(ALWAYS_BYTES, EXPANSION * size)
+    reason = _run("read", path, scratch.path, size, most)
+    if reason is not None and scratch.path.exists() and scratch.path.stat().st_size >= most:
+        reason = f"it unpacks to more than {most >> 20} MB"
+    if reason is not None:
+        raise InputError(f"{path} cannot be read as USD ({reason}): export it again")
+    return scratch
+
+
+def write_folder(folder: Path, path: Path, size: int) -> None:
+    """Write the rows in a folder, `size` bytes, by the suffix of `path`. Raises GseditError where
+    the library fails."""
+    reason = _run("write", folder, path, size, ALWAYS_BYTES + TEXT * size)
+    if reason is not None:
+        raise GseditError(f"{path} could not be written ({reason}): write another format")
+
+
+def check_installed(path: Path) -> None:
+    """Raise UsageError without usd-core."""
+    if find_spec("pxr") is None:
+        raise UsageError(f"{path}: USD needs usd-core: {INSTALL}")
+
+
+def _run(task: str, source: Path, target: Path, size: int, written: int) -> str | None:
+    """Run a task of `child.py`; what went wrong, as one line, or None."""
+    limits = (MEMORY + 32 * size + written, written, SECONDS * (1 + size // 10**7))
+    done = subprocess.run(
+        [sys.executable, "-m", "gsedit.formats.usd.child", task, str(source.absolute()),
+         str(target.absolute()), *map(str, limits)],
+        stdin=subprocess.DEVNULL, capture_output=True, check=False,
+        cwd=Path(gsedit.__file__).parents[1],  # not where a stranger's pxr.py may lie
+        env={**os.environ, "PXR_WORK_THREAD_LIMIT": "1"},
+    )  # fmt: skip
+    if done.returncode == 0 and target.exists():
+        return None
+    told = done.stdout.decode("utf-8", "replace").strip().splitlines()
+    return told[-1][:200] if told and done.returncode == 1 else "usd-core ended on it"

@@ -1,6 +1,10 @@
 """Bend a part of a scene by handles: what is between them follows as rigidly as possible.
 
-`n` Gaussians, `m` of them moved; world units.
+Control nodes are spread evenly over the part. They settle as rigidly as possible (Sorkine and Alexa
+2007, on a graph instead of a mesh); a point follows the nodes near it, by weights that fall
+smoothly to 0 (embedded deformation, Sumner et al. 2007, with weights whose gradient is known).
+`n` Gaussians or points, `m` of them moved; `c` nodes, `e` edges, `q` nodes near a point; world
+units.
 """
 
 from __future__ import annotations
@@ -11,18 +15,238 @@ from math import isfinite
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float64
+from jaxtyping import Bool, Float, Float64, Int64
 from torch import Tensor
 
 from gsedit.errors import UsageError
-from gsedit.objects.bending.nodes import Motion, reach_of, spread
-from gsedit.objects.bending.rigid import edges_of, rotations_of, settled
 from gsedit.objects.outcome import Outcome, check_finite, same
 from gsedit.scene.neighbors import k_nearest
-from gsedit.scene.quaternions import axis_rotation, rotate_sh_each
+from gsedit.scene.quaternions import axis_rotation, rotate_sh_each, turn_between
 from gsedit.scene.quaternions import rotations as rotations_of_quaternions
+from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
+from rasterizer.render import render
 from rasterizer.scene import Gaussians
+
+NODES = 400
+"""Nodes that are spread over what is bent."""
+SPREAD_OVER = 40_000
+"""Points that the nodes are chosen among."""
+REACH = 2.0
+"""Distance at which a node's weight ends, in the largest distance of a point from its nearest."""
+NEAR = 32
+"""Most nodes that move one point: as many fit into their reach if nodes are one spacing apart."""
+AT_ONCE = 1 << 13
+"""Points whose Jacobians are computed at once: 32 nodes each, 19 MB."""
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Places of nodes before and after, and their turns."""
+
+    before: Float64[np.ndarray, "c 3"]
+    after: Float64[np.ndarray, "c 3"]
+    turns: Float64[np.ndarray, "c 3 3"]
+    reach: float
+    """Distance at which their weights end."""
+
+    def applied(
+        self, points: Float64[np.ndarray, "n 3"]
+    ) -> tuple[Float64[np.ndarray, "n 3"], Float64[np.ndarray, "n 3 3"]]:
+        """Points moved, and the Jacobians of the map there."""
+        parts = [self._applied(points[i : i + AT_ONCE]) for i in range(0, len(points), AT_ONCE)]
+        places, jacobians = zip(*parts)
+        return np.concatenate(places), np.concatenate(jacobians)
+
+    def _applied(
+        self, points: Float64[np.ndarray, "n 3"]
+    ) -> tuple[Float64[np.ndarray, "n 3"], Float64[np.ndarray, "n 3 3"]]:
+        distance, rows = k_nearest(self.before, points, min(NEAR, len(self.before)))
+        offset = points[:, None] - self.before[rows]
+        weight, slope = self._weights(distance, offset)
+        turns = self.turns[rows]
+        moved = np.einsum("nqij,nqj->nqi", turns, offset) + self.after[rows]
+        places = np.einsum("nq,nqi->ni", weight, moved)
+        turned = np.einsum("nq,nqij->nij", weight, turns)
+        # slopes sum to 0: against the place itself they lose no digits
+        return places, turned + np.einsum("nqi,nqj->nij", moved - places[:, None], slope)
+
+    def _weights(
+        self, distance: Float64[np.ndarray, "n q"], offset: Float64[np.ndarray, "n q 3"]
+    ) -> tuple[Float64[np.ndarray, "n q"], Float64[np.ndarray, "n q 3"]]:
+        """Weights (1 - (d / reach)^2)^3, normalized, and their gradients."""
+        within = np.clip(1 - np.square(distance / self.reach), 0, None)
+        raw = within**3
+        slope = (-6 / self.reach**2) * np.square(within)[..., None] * offset
+        total = raw.sum(1, keepdims=True)
+        alone = total[:, 0] < 1e-9  # beyond all reach: moves with the nearest
+        raw[alone], slope[alone], total[alone] = 0, 0, 1
+        raw[alone, 0] = 1
+        weight = raw / total
+        return weight, (slope - weight[..., None] * slope.sum(1, keepdims=True)) / total[..., None]
+
+
+def spread(
+    points: Float64[np.ndarray, "n 3"], first: Float64[np.ndarray, "h 3"]
+) -> Int64[np.ndarray, " c"]:
+    """Rows of at most NODES points, each as far as can be from those before it and from `first`."""
+    rows = np.unique(
+        np.linspace(0, len(points) - 1, min(len(points), SPREAD_OVER)).astype(np.int64)
+    )
+    among = points[rows]
+    away = np.full(len(among), np.inf)
+    for place in first:
+        away = np.minimum(away, np.square(among - place).sum(1))
+    chosen = []
+    for _ in range(min(NODES, len(among))):
+        farthest = int(away.argmax())
+        if away[farthest] <= 0:
+            break  # all that is left lies on a node
+        chosen.append(rows[farthest])
+        away = np.minimum(away, np.square(among - among[farthest]).sum(1))
+    return np.array(chosen, np.int64)
+
+
+def reach_of(points: Float64[np.ndarray, "n 3"], nodes: Float64[np.ndarray, "c 3"]) -> float:
+    """Distance at which weights end, so that each point is near some node."""
+    farthest = float(k_nearest(nodes, points, 1)[0].max(initial=0.0))
+    return REACH * max(farthest, 1e-9 * max(float(np.ptp(points, axis=0).max(initial=0.0)), 1e-9))
+
+
+EDGES = 8
+"""Nearest nodes that each is tied to."""
+ROUNDS = 400
+"""Most rounds of turns, then places."""
+SETTLED = 1e-6
+"""Largest step of a node, in the extent, after which rounds end."""
+LOOSE = 1e-6
+"""Weight of a node's last turn against its edges: a lone edge leaves the turn about it open."""
+FLAT = 1e-6
+"""Spread across, against along, below which held points lie on a line."""
+
+
+def edges_of(nodes: Float64[np.ndarray, "c 3"]) -> Int64[np.ndarray, "e 2"]:
+    """Pairs of nodes that are tied: the nearest, and what makes all of them hang together."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import minimum_spanning_tree
+    from scipy.spatial.distance import cdist
+
+    count = len(nodes)
+    near = k_nearest(nodes, nodes, min(EDGES + 1, count))[1]
+    pairs = np.stack((np.repeat(np.arange(count), near.shape[1]), near.reshape(-1)), 1)
+    tree = minimum_spanning_tree(coo_matrix(cdist(nodes, nodes))).tocoo()
+    pairs = np.concatenate((pairs, np.stack((tree.row, tree.col), 1)))
+    pairs = np.sort(pairs, 1)
+    return np.unique(pairs[pairs[:, 0] < pairs[:, 1]], axis=0).astype(np.int64)
+
+
+def fitted_turn(
+    before: Float64[np.ndarray, "h 3"], after: Float64[np.ndarray, "h 3"]
+) -> Float64[np.ndarray, "3 3"]:
+    """The rotation that takes points nearest to others, both about their means; the smallest of
+    equally good ones, as where they lie on a line or there is one."""
+    start, end = before - before.mean(0), after - after.mean(0)
+    along, size, _ = np.linalg.svd(start.T, full_matrices=False)
+    if not len(size) or size[0] <= 0:
+        return np.eye(3)
+    if len(size) < 2 or size[1] < FLAT * size[0]:
+        weights = start @ along[:, 0]
+        ahead = weights @ end
+        if np.linalg.norm(ahead) < FLAT * weights @ weights:
+            return np.eye(3)
+        return turn_between(along[:, 0], ahead)
+    return rotations_of((end.T @ start)[None])[0]
+
+
+def rotations_of(matrices: Float64[np.ndarray, "m 3 3"]) -> Float64[np.ndarray, "m 3 3"]:
+    """The rotation nearest to each matrix."""
+    left, _, right = np.linalg.svd(matrices)
+    flip = np.sign(np.linalg.det(left @ right))
+    left[:, :, 2] *= np.where(flip == 0, 1, flip)[:, None]
+    return left @ right
+
+
+def settled(
+    nodes: Float64[np.ndarray, "c 3"],
+    edges: Int64[np.ndarray, "e 2"],
+    held: Bool[np.ndarray, " c"],
+    targets: Float64[np.ndarray, "c 3"],
+) -> tuple[Float64[np.ndarray, "c 3"], Float64[np.ndarray, "c 3 3"]]:
+    """Places and turns of the nodes; the rows of `targets` count for those that are held, at least
+    one."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.linalg import splu
+
+    turn = fitted_turn(nodes[held], targets[held])
+    places = (nodes - nodes[held].mean(0)) @ turn.T + targets[held].mean(0)
+    places[held] = targets[held]
+    first, second = edges.T
+    count, free = len(nodes), ~held
+    ones = np.ones(len(edges))
+    matrix = coo_matrix((ones, (first, second)), (count, count)).tocsc()
+    matrix = matrix + matrix.T
+    laplacian = coo_matrix((np.asarray(matrix.sum(1)).ravel(), (np.arange(count),) * 2)) - matrix
+    laplacian = laplacian.tocsc()
+    offset = nodes[first] - nodes[second]
+    square = float(np.square(offset).sum()) / max(len(offset), 1)
+    own = LOOSE * square or 1.0
+    solver = splu(laplacian[free][:, free]) if free.any() else None
+    tied = laplacian[free][:, held] @ targets[held]
+    extent = max(float(np.ptp(nodes, axis=0).max()), 1e-12)
+    turns = np.broadcast_to(turn, (count, 3, 3)).copy()
+    for _ in range(ROUNDS):
+        turns = _turns(places, offset, edges, own * turns)
+        if solver is None:
+            break
+        pulled = 0.5 * np.einsum("eij,ej->ei", turns[first] + turns[second], offset)
+        right = np.zeros((count, 3))
+        np.add.at(right, first, pulled)
+        np.add.at(right, second, -pulled)
+        found = solver.solve(right[free] - tied)
+        step = float(np.abs(found - places[free]).max())
+        places[free] = found
+        if step < SETTLED * extent:
+            break
+    return places, _turns(places, offset, edges, own * turns)
+
+
+def _turns(
+    places: Float64[np.ndarray, "c 3"],
+    offset: Float64[np.ndarray, "e 3"],
+    edges: Int64[np.ndarray, "e 2"],
+    before: Float64[np.ndarray, "c 3 3"],
+) -> Float64[np.ndarray, "c 3 3"]:
+    """The rotation of each node that its edges have made; a trace of the one before decides what
+    they leave open."""
+    first, second = edges.T
+    products = (places[first] - places[second])[:, :, None] * offset[:, None]
+    total = before.copy()
+    np.add.at(total, first, products)
+    np.add.at(total, second, products)
+    return rotations_of(total)
+
+
+@torch.no_grad()
+def point_at(
+    scene: Gaussians, camera: Camera, x: float, y: float, execution: Execution = AUTO
+) -> Float[Tensor, "3"]:
+    """The point of the surface that a camera sees at a pixel, world units, float64.
+
+    The middle of the top left pixel is at 0.5, 0.5. Raises UsageError outside of the picture, or
+    where nothing opaque is seen.
+    """
+    if not (0 <= x < camera.width and 0 <= y < camera.height):
+        raise UsageError(
+            f"pixel {x:g},{y:g} is outside of the picture, {camera.width} x {camera.height} pixels"
+        )
+    box = (int(x), int(y), 1, 1)
+    depth = render(scene, camera, crop=box, median_depth=True, execution=execution).median_depth
+    assert depth is not None
+    if float(depth[0, 0]) <= 0:
+        raise UsageError(f"nothing is seen at pixel {x:g},{y:g}: choose one on an object")
+    place = torch.tensor((x, y), dtype=torch.float64)
+    return camera.unproject(place, depth[0, 0].double())
+
 
 Point = tuple[float | int, float | int, float | int]
 STILL = 1e-9

@@ -67,8 +67,7 @@ class Bend(Whole):
 
     def _handles(self, scene: Gaussians) -> list[Handle]:
         from gsedit.datasets.viewpoints import view_named
-        from gsedit.objects.bending.bend import Handle
-        from gsedit.objects.bending.click import point_at
+        from gsedit.objects.bending.bend import Handle, point_at
 
         views = _views(self.cameras)
         handles = []

@@ -14,17 +14,25 @@ from gsedit.cameras.orbit import perpendicular
 from gsedit.datasets.dataset import evenly_spaced
 from gsedit.errors import UsageError
 from gsedit.light.present import Survey, survey
-from gsedit.light.shadows import WIDE
-from gsedit.objects.growth.bodies import hidden, layer, leaves, tufts
-from gsedit.objects.growth.buried import buried, in_colors_of
-from gsedit.objects.growth.layer import Patch, covered, thickness
-from gsedit.objects.growth.spots import Site
-from gsedit.objects.growth.table import Growth, growth_of
+from gsedit.objects.growth.bodies import (
+    Patch,
+    buried,
+    covered,
+    hidden,
+    in_colors_of,
+    layer,
+    leaves,
+    thickness,
+    tufts,
+)
+from gsedit.objects.growth.table import Growth, Site, growth_of
 from gsedit.objects.outcome import NEW, Outcome, check_finite
+from gsedit.objects.placing.daylight import Sun, sun_of
 from gsedit.objects.placing.stance import stance_of
-from gsedit.objects.placing.sun import Sun, sun_of
+from gsedit.scene.quantiles import ends
 from gsedit.scenery.setting import Setting
 from gsedit.surface.relief import relief_of
+from gsedit.surface.shadows import WIDE
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution, color_to_sh, sh_to_color
 from rasterizer.render import render
@@ -125,7 +133,7 @@ def _grown(
     execution: Execution,
 ) -> Outcome:
     """The scene with what grew on it, and what that hides in its color."""
-    before, new = scene.detach(), _of_bands(new, scene.sh.shape[1])
+    before, new = scene.detach(), new.with_degree(scene.degree)
     share = torch.zeros(len(scene), dtype=torch.float64)
     if growth.hides:
         for patch in patches:
@@ -138,12 +146,6 @@ def _grown(
     changed = torch.cat((share > 0, torch.ones(len(new), dtype=torch.bool)))
     note = f"{name}: {len(new):,} Gaussians were added to {len(scene):,}"
     return Outcome(grown, origin, changed, (note,))
-
-
-def _of_bands(scene: Gaussians, k: int) -> Gaussians:
-    missing = scene.sh.new_zeros(len(scene), k - scene.sh.shape[1], 3)
-    fields = {**vars(scene), "sh": torch.cat((scene.sh, missing), 1)}
-    return Gaussians(**fields) if missing.shape[1] else scene
 
 
 def _made(scene: Gaussians, patches: list[Patch], growth: Growth, amount: float) -> Gaussians:
@@ -178,8 +180,7 @@ def _site(
     rows = solid.nonzero().squeeze(-1)
     if len(rows) < 4:
         return None
-    ends = points[rows].sort(0).values
-    low, high = (ends[int(share * (len(ends) - 1))] for share in (TAIL, 1 - TAIL))
+    low, high = ends(points[rows], TAIL)
     size = min(float((high - low).norm()), place.distance)
     setting = Setting(scene, found, cameras, execution)
     sun = _sun(scene, inside, place.up, execution)
@@ -205,9 +206,12 @@ def _patches(
 ) -> list[Patch]:
     """Patches of a growth on the site; as fine as the number of Gaussians allows."""
     axes = _axes(site, growth)
-    pixel = max(growth.grain * site.size, FINEST * _width(scene[site.rows]))
-    ends = site.setting.found.surface.points[site.rows]
-    sides = (ends.amax(0) - ends.amin(0)).sort().values[1:]
+    pixel = max(
+        growth.grain * site.size,
+        FINEST * float(scene.scales[site.rows].sort(-1).values[:, 1].median()),
+    )
+    points = site.setting.found.surface.points[site.rows]
+    sides = (points.amax(0) - points.amin(0)).sort().values[1:]
     pixel = max(pixel, sqrt(float(sides.prod()) / MOST_PIXELS))
     while True:
         patches = [
@@ -218,11 +222,6 @@ def _patches(
         if count <= MOST_NEW:
             return patches
         pixel *= COARSER * sqrt(count / MOST_NEW)
-
-
-def _width(part: Gaussians) -> float:
-    """Median of the middle standard deviations of Gaussians."""
-    return float(part.scales.sort(-1).values[:, 1].median())
 
 
 def _axes(site: Site, growth: Growth) -> Float[Tensor, "a 3"]:

@@ -11,29 +11,199 @@ from math import isfinite
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from gsedit.cameras.around import cameras_of
 from gsedit.cameras.place import Place, place_of
 from gsedit.errors import UsageError
 from gsedit.objects.outcome import NEW, Outcome, check_finite, same
-from gsedit.objects.placing.arrival import main_object
-from gsedit.objects.placing.balance import balanced
-from gsedit.objects.placing.daylight import daylight, shaded
-from gsedit.objects.placing.free import Ground, free_point
-from gsedit.objects.placing.landing import extent, ground_near
-from gsedit.objects.placing.motion import motion_of, moved
-from gsedit.objects.placing.place import added, notes_of
+from gsedit.objects.placing.daylight import Daylight, dimmed, shaded, sun_of
+from gsedit.objects.placing.landing import Ground, extent, free_point, ground_near
+from gsedit.objects.placing.place import added, motion_of, moved, notes_of
 from gsedit.objects.placing.placement import Placement, RelativePlace, Triple, check_target
 from gsedit.objects.placing.stance import Stance, size_of, stance_of
-from gsedit.objects.placing.sun import sun_of
-from gsedit.scene.framing import framing_camera, guess_up
+from gsedit.scene.color_space import LUMINANCE
+from gsedit.scene.framing import bounds, framing_camera, guess_up
+from gsedit.scene.quantiles import weighted_quantile
 from gsedit.scene.quaternions import axis_rotation, turn_between
 from gsedit.scene.similarity import IDENTITY
+from gsedit.surface.normals import visible_area
+from gsedit.surface.surroundings import (
+    ROWS,
+    Surroundings,
+    cell_areas,
+    cell_directions,
+    light_at,
+)
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
+
+SOLID = 0.1
+"""Opacity below which a Gaussian is haze, which connects nothing."""
+LAYERS = 48
+"""Layers of heights among which a ground is looked for, and cells along the longest side of the
+grid in which parts are connected."""
+APART, FEWEST = 2.5, 8
+"""Least side of such a cell, in standard deviations of the Gaussians, which are 1.5 apart, and the
+fewest cells along the longest side."""
+BULK = (0.005, 0.995)
+"""Ranks of heights between which those layers are: stray Gaussians are beyond."""
+GROUND = 0.25
+"""Least share of a scene's surface in a ground."""
+THICK, STANDS = 0.4, 0.03
+"""Largest share of all layers up to the top of a ground, and least share of the surface above it.
+"""
+FADED = 0.15
+"""Share of the fullest layer's surface below which a layer is no longer of the ground."""
+WIDER = 1.4
+"""Least reach of a ground against that of what stands on it, level: a body is no wider than itself.
+"""
+LOOSE = 0.02
+"""Least share of the main part's surface in another part that goes with it."""
+BESIDE = 0.3
+"""Largest distance of such a part from the main part's box, of its size."""
+
+
+def main_object(scene: Gaussians, up: Float[Tensor, "3"]) -> Bool[Tensor, " n"]:
+    """The object that a scene is about: what stands in its middle on its ground.
+
+    Of a scene without a ground it is everything but stray Gaussians.
+    """
+    solid = scene.opacities > SOLID
+    solid = solid if bool(solid.any()) else torch.ones_like(solid)
+    above = above_ground(scene, up)
+    raised = solid if above is None else solid & above
+    numbers = _parts(scene, raised)
+    main = _main_parts(scene, numbers, None if above is None else bounds(scene).center)
+    return main if above is None else main & above
+
+
+def above_ground(scene: Gaussians, up: Float[Tensor, "3"]) -> Bool[Tensor, " n"] | None:
+    """Flag what is above the ground of a scene; None where it has no ground.
+
+    A ground is a layer that holds much of the surface, and reaches farther than what is above it.
+    """
+    points, weights = scene.means.double(), visible_area(scene)
+    heights = points @ up
+    low, high = (float(weighted_quantile(heights[:, None], weights, rank)) for rank in BULK)
+    step = max(high - low, 1e-12) / LAYERS
+    layers = ((heights - low) / step).long().clamp(0, LAYERS - 1)
+    mass = torch.zeros(LAYERS, dtype=torch.float64).index_add_(0, layers, weights)
+    peak = int(mass.argmax())
+    empty = (mass[peak:] < FADED * mass[peak]).nonzero()
+    top = peak + int(empty[0]) if len(empty) else LAYERS
+    above = heights > low + top * step
+    thick = top > THICK * LAYERS or float(mass[top:].sum()) < STANDS * float(mass.sum())
+    if thick or float(mass[:top].sum()) < GROUND * float(mass.sum()) or not bool(above.any()):
+        return None
+    level = points - heights[:, None] * up
+    middle = level.median(0).values
+    away = (level - middle).norm(dim=-1)[:, None]
+    ground, body = (
+        float(weighted_quantile(away[part], weights[part], 0.9)) for part in (~above, above)
+    )
+    return above if ground > WIDER * body else None
+
+
+def _parts(scene: Gaussians, chosen: Bool[Tensor, " n"]) -> Int[Tensor, " n"]:
+    """The number, from 1, of the connected part that each Gaussian is in; 0: none."""
+    from scipy.ndimage import label
+
+    points = scene.means[chosen].double().numpy()
+    low, high = np.quantile(points, (0.001, 0.999), axis=0)
+    wide = float(scene.log_scales[chosen].sort(-1).values[:, 1].median().exp())
+    side = max(float((high - low).max()), 1e-9)
+    cell = min(max(side / LAYERS, APART * wide), side / FEWEST)
+    cells = np.floor((scene.means.double().numpy() - low) / cell).astype(np.int64) + 1
+    shape = np.floor((high - low) / cell).astype(np.int64) + 3
+    beyond = ((cells < 0) | (cells >= shape)).any(1)
+    cells = cells.clip(0, shape - 1)
+    full = np.zeros(shape, bool)
+    full[tuple(cells[chosen.numpy() & ~beyond].T)] = True
+    numbers = np.asarray(label(full, np.ones((3, 3, 3)))[0])  # pyright: ignore
+    own = numbers[tuple(cells.T)]
+    return torch.from_numpy(np.where(beyond, 0, own).astype(np.int64))
+
+
+def _main_parts(
+    scene: Gaussians, numbers: Int[Tensor, " n"], center: tuple[float, float, float] | None
+) -> Bool[Tensor, " n"]:
+    """The part with most surface, and those near it; around a center, what is far counts less."""
+    weights = visible_area(scene)
+    points = scene.means.double()
+    if center is not None:
+        away = (points - torch.tensor(center, dtype=torch.float64)).norm(dim=-1)
+        weights = weights * torch.exp(-((away / away.median().clamp_min(1e-12)) ** 2))
+    count = int(numbers.max()) + 1
+    mass = torch.zeros(count, dtype=torch.float64).index_add_(0, numbers, weights)
+    mass[0] = 0
+    best = int(mass.argmax())
+    if not best:
+        return torch.ones_like(numbers, dtype=torch.bool)
+    ours = points[numbers == best]
+    low, high = ours.amin(0), ours.amax(0)
+    margin = BESIDE * float((high - low).norm())
+    near = ((points > low - margin) & (points < high + margin)).all(1)
+    heavy = mass[numbers] >= LOOSE * mass[best]
+    return (numbers > 0) & heavy & (near | (numbers == best))
+
+
+STUDIO = 0.35
+"""Mean light, in the range [0, 1], of the white surroundings that a lone object is taken to have
+been captured in."""
+TRUSTED = 0.5
+"""Power of the ratio of two lights that an object takes: colors of surroundings are of things too,
+not of light only."""
+BRIGHTER, TINTED = (0.6, 1.25), (0.9, 1.1)
+"""Ranges of the linear factor of brightness, and of a channel against the others."""
+BODY = 0.6
+"""Distance, of its height, within which nothing is seen from an object's middle."""
+KNOWN = 0.15
+"""Least share of what is above the horizon that must be seen for its light to be known."""
+
+
+def balanced(
+    body: Gaussians,
+    stance: Stance,
+    scene: Gaussians,
+    up: Float[Tensor, "3"],
+    cameras: Sequence[Camera] = (),
+    execution: Execution = AUTO,
+) -> Gaussians:
+    """An object in the brightness and color of the light from above at its place.
+
+    It is taken to come from a studio. Where little above the horizon is seen, it stays as it is.
+    """
+    middle = stance.foot + stance.height / 2 * stance.up
+    near = BODY * stance.height
+    here = light_at(scene, middle, near, up, execution, cameras)
+    ours = None if here.studio else _from_above(here, up)
+    if ours is None:
+        return body
+    theirs = torch.full((3,), STUDIO, dtype=torch.float64)
+    return dimmed(body, gain(ours, theirs).expand(len(body), 3))
+
+
+def gain(ours: Float[Tensor, "3"], theirs: Float[Tensor, "3"]) -> Float[Tensor, "3"]:
+    """Linear factors a channel that take an object from one light to another, bounded."""
+    weights = torch.from_numpy(LUMINANCE / LUMINANCE.sum())
+    bright = ((ours @ weights) / (theirs @ weights)).clamp_min(1e-3) ** TRUSTED
+    tint = (ours / (ours @ weights)) / (theirs / (theirs @ weights))
+    tint = (tint.clamp_min(1e-3) ** TRUSTED).clamp(*TINTED)
+    return bright.clamp(*BRIGHTER) * tint
+
+
+def _from_above(here: Surroundings, up: Float[Tensor, "3"]) -> Float[Tensor, "3"] | None:
+    """Mean light on a level place from what was seen above the horizon; None where little was."""
+    rise = (cell_directions(ROWS).double() @ up).clamp_min(0)
+    area = cell_areas(ROWS).double() * rise
+    weight = area * here.seen.double()
+    if float(weight.sum()) < KNOWN * float(area.sum()):
+        return None
+    return (here.radiance.double() * weight[..., None]).sum((0, 1)) / weight.sum()
+
 
 SHARE = 0.3
 """Size of an inserted object, of the height of the pictures where the cameras look at."""
@@ -86,10 +256,10 @@ def insert(
     beside = scene[at.of] if isinstance(at, RelativePlace) and at.of is not None else None
     placement = Placement(turn=turn, to=target)
     motion = motion_of(body, stance, placement, beside, ground)
-    there = with_degree(moved(body, motion.similarity), scene.degree)
+    there = moved(body, motion.similarity).with_degree(scene.degree)
     there = balanced(there, motion.stance, scene, around.up, seen_from, execution)
-    light = daylight(around, sun_of(scene, motion.stance, execution))
-    base = shaded(same(scene), there, motion.stance, light, execution)
+    light = Daylight(around, sun_of(scene, motion.stance, execution), execution)
+    base = shaded(same(scene), there, motion.stance, light)
     rows = torch.full((len(there),), NEW)
     told = notes_of(replace(motion, rise=0.0), there, ground)
     return added(base, there, rows, (note, *told))
@@ -175,15 +345,5 @@ def _upright(
     if turned:
         turn = axis_rotation(up, float(angle)) @ upright
     similarity = replace(IDENTITY, turn=turn, scale=factor).about(stance.foot.numpy())
-    sized = replace(
-        stance, up=place.up, height=factor * stance.height, gap=factor * stance.gap, stands=False
-    )
+    sized = replace(stance, up=place.up, height=factor * stance.height, stands=False)
     return moved(body, similarity), sized
-
-
-def with_degree(body: Gaussians, degree: int) -> Gaussians:
-    """Gaussians with SH of a degree: bands above it are left out, missing ones are 0."""
-    count = (degree + 1) ** 2
-    sh = body.sh[:, :count]
-    missing = sh.new_zeros(len(body), count - sh.shape[1], 3)
-    return replace(body, sh=torch.cat((sh, missing), 1))

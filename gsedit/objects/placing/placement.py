@@ -10,13 +10,11 @@ import torch
 from jaxtyping import Bool
 from torch import Tensor
 
-from gsedit.errors import UsageError
+from gsedit.errors import Said, UsageError
 
 Side = Literal["left", "right", "front", "behind", "on", "beside"]
 Number = float | int
 Triple = tuple[Number, Number, Number]
-GAP = 0.15
-"""Free distance between two things that stand beside each other, of the placed one's size."""
 LARGEST = 1000.0
 """Factor of a size, or its inverse, beyond which the object is a dot, or all that is seen."""
 
@@ -30,8 +28,6 @@ class RelativePlace:
     wider than the object; "beside": at the nearest free place."""
     of: Bool[Tensor, " n"] | None = None
     """Its Gaussians in the scene before; None: the placed object where it was."""
-    gap: float | int = GAP
-    """Free distance between both, of the placed object's height; "on" has none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,8 +49,6 @@ class Placement:
     """World point that it stands at, or below; or a place beside something. None: where it is."""
     copy: bool = False
     """Whether the original stays where it is."""
-    settle: bool = True
-    """Whether it is set on the surface under its new place; the offset upwards comes after that."""
 
     @property
     def moves(self) -> bool:
@@ -106,8 +100,8 @@ def check_target(to: Triple | RelativePlace | None, count: int) -> None:
 
 def check_region(inside: Bool[Tensor, " n"], count: int, what: str = "the object") -> None:
     """Raise UsageError for flags of another scene, or that hold nothing."""
-    hint = "look at what is selected with gsedit render SCENE --region ..."
     if inside.shape != (count,) or inside.dtype != torch.bool:
-        raise UsageError(f"{what}: {tuple(inside.shape)} flags for {count:,} Gaussians: {hint}")
+        flags = f"{tuple(inside.shape)} flags for {count:,} Gaussians"
+        raise UsageError(Said(f"{what}: {flags}", "look"))
     if not bool(inside.any()):
-        raise UsageError(f"{what} has no Gaussian: {hint}")
+        raise UsageError(Said(f"{what} has no Gaussian", "look"))

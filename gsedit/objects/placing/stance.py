@@ -1,20 +1,121 @@
-"""How an object stands: on what plane, at what point, how high it is. `n` Gaussians."""
+"""How an object stands: on what plane, at what point, how high it is.
+
+Heights are world units along an upward unit vector. `n` Gaussians, `h w` cells of a map.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from gsedit.cameras.orbit import perpendicular
-from gsedit.objects.placing.heights import heights_from_above, reach
-from gsedit.objects.placing.support import Support, find_support
+from gsedit.cameras.place import Place
+from gsedit.scene.planes import Plane, find_support
+from gsedit.scene.quantiles import ends, weighted_quantile
 from gsedit.surface.relief import Relief
+from gsedit.surface.shadows import parallel_map
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
+
+CELLS = 192
+"""Cells along the side of a map: of an object that fills half of it, one is 1 % of its width."""
+
+SEEN_ABOVE = 0.54
+"""Offset of the rendered surface above Gaussian centers, in their standard deviation (sigmas):
+discs are drawn wider and nearer than they are (gsedit.synthetic.splats.SINK over DISC)."""
+MOST_ABOVE = 0.16
+"""Largest standard deviation that counts for it, of the radius: wider ones are haze."""
+
+
+def heights_from_above(
+    scene: Gaussians,
+    center: Float[Tensor, "3"],
+    radius: float,
+    up: Float[Tensor, "3"],
+    ceiling: float,
+    execution: Execution = AUTO,
+) -> Relief:
+    """The heights of a scene around a point; what is above the ceiling is not there."""
+    middle = center + (ceiling - 2 * radius - center @ up) * up  # the eye is at the ceiling
+    place = Place(middle, up, perpendicular(up), 2 * radius, radius)
+    below = scene.means.double() @ up <= ceiling
+    seen = replace(scene, sh=scene.sh[:, :1])[below].detach()
+    drawn = parallel_map(seen, place, up, CELLS, execution)
+    there = drawn.depth.isfinite()
+    depth = drawn.depth.double().masked_fill(~there, 0.0)
+    found = Relief(drawn.camera, drawn.camera.unproject(drawn.camera.pixel_centers(), depth), there)
+    return found.at(found.heights + _lift(seen, found, radius))
+
+
+def _lift(scene: Gaussians, seen: Relief, radius: float) -> float:
+    """Height of what is seen in a map over the centers of its Gaussians."""
+    points = scene.means.double()
+    sizes = scene.log_scales.sort(-1).values[:, 1].exp().double()
+    xy, _ = seen.camera.project(points)
+    near = ((xy >= 0) & (xy < CELLS)).all(-1).nonzero().squeeze(-1)
+    column, row = xy[near].long().unbind(-1)
+    off = (points[near] @ seen.axis - seen.tops[row, column]).abs()
+    shown = near[off < sizes[near] / 2]
+    if not len(shown):
+        return 0.0
+    typical = weighted_quantile(sizes[shown, None], scene.opacities[shown].double(), 0.5)
+    return SEEN_ABOVE * min(float(typical), MOST_ABOVE * radius)
+
+
+OUTLINE_CELLS = 384
+"""Cells along the side of a picture of an outline: half of one is less than 0.2 % of the object."""
+SIDES = 4
+"""Directions from which an outline is looked at."""
+LOWEST, HIGHEST = 0.02, 0.995
+"""Ranks among the columns of outlines at which an object begins and ends."""
+PAST = 0.4
+"""Height of an outline over the edge of what discs cover, in their median standard deviation."""
+
+
+def reach(
+    body: Gaussians, up: Float[Tensor, "3"], execution: Execution = AUTO
+) -> tuple[float, float]:
+    """The heights at which what is seen of an object from its sides begins and ends.
+
+    An outline is where its opacity is one half: haze around an object does not count.
+    """
+    points = body.means.double()
+    middle = (points.amin(0) + points.amax(0)) / 2
+    radius = 1.1 * float((points - middle).norm(dim=-1).amax()) + 1e-9
+    wide = body.log_scales.sort(-1).values[:, 1]
+    shown = torch.cat(_outlines(body, middle, radius, up, execution), 1)
+    shown = shown[:, shown.any(0)]
+    if not shown.shape[1]:  # haze only
+        heights = points @ up
+        return float(heights.amin()), float(heights.amax())
+    rows = torch.arange(OUTLINE_CELLS, dtype=torch.float64)[:, None]
+    last = torch.where(shown, rows + 1, -torch.inf).amax(0).quantile(1 - LOWEST)
+    first = torch.where(shown, rows, torch.inf).amin(0).quantile(1 - HIGHEST)
+    top, cell = float(middle @ up) + radius, 2 * radius / OUTLINE_CELLS
+    edge = PAST * min(float(wide.median().exp()), MOST_ABOVE * radius)
+    return top - cell * float(last) + edge, top - cell * float(first) - edge
+
+
+def _outlines(
+    body: Gaussians,
+    middle: Float[Tensor, "3"],
+    radius: float,
+    up: Float[Tensor, "3"],
+    execution: Execution,
+) -> list[Bool[Tensor, "h w"]]:
+    """Flags of the pixels that show an object from each of SIDES; rows go down."""
+    side = perpendicular(up)
+    across = torch.linalg.cross(up, side)
+    place = Place(middle, up, side, 2 * radius, radius)
+    angles = torch.arange(SIDES, dtype=torch.float64) * (torch.pi / SIDES)
+    views = (each.cos() * side + each.sin() * across for each in angles)
+    drawn = (parallel_map(body, place, view, OUTLINE_CELLS, execution) for view in views)
+    return [each.depth.isfinite() for each in drawn]
+
 
 MOST_POINTS = 8000
 """Points of an object that its support is searched with."""
@@ -45,16 +146,8 @@ class Stance:
     """Point of that surface under its middle; of its lowest parts where none is."""
     height: float
     """Size along `up` from the foot."""
-    gap: float
-    """Height of its lowest seen parts over the foot; below 0 it reaches into the surface."""
     stands: bool
     """Whether it touches a surface."""
-
-
-def spread(body: Gaussians) -> Float[Tensor, " n"]:
-    """Weights of an object's Gaussians: opacity times area, float64."""
-    area = body.log_scales.double().sort(-1).values[:, 1:].sum(-1).exp()
-    return body.opacities.double() * area
 
 
 def middle_of(body: Gaussians, up: Float[Tensor, "3"]) -> Float[Tensor, "3"]:
@@ -80,8 +173,7 @@ def middle_of(body: Gaussians, up: Float[Tensor, "3"]) -> Float[Tensor, "3"]:
 
 def extents(points: Float[Tensor, "m d"]) -> Float[Tensor, "2 d"]:
     """Begin and end of points along each axis, stray ones left out."""
-    some = points[:: 1 + len(points) // (1 << 20)]
-    return some.sort(0).values[[int(rank * (len(some) - 1)) for rank in (0.01, 0.99)]]
+    return ends(points[:: 1 + len(points) // (1 << 20)], 0.01)
 
 
 def size_of(body: Gaussians) -> float:
@@ -94,9 +186,9 @@ def stance_of(
     body: Gaussians, rest: Gaussians, up: Float[Tensor, "3"], execution: Execution = AUTO
 ) -> Stance:
     """How an object stands in the rest of its scene; `up` is the scene's upward direction."""
-    begins, ends = reach(body, up, execution)
+    begins, last = reach(body, up, execution)
     middle = middle_of(body, up)
-    ceiling = begins + STEP * (ends - begins)
+    ceiling = begins + STEP * (last - begins)
     seen = map_around(body, rest, middle, up, ceiling, execution)
     support = carrier(body, seen, up)
     if support is not None:
@@ -105,9 +197,9 @@ def stance_of(
         height = high - support.offset
         if -SUNK * height <= low - support.offset <= HIDDEN * height:
             foot = middle + (support.offset - middle @ normal) * normal
-            return Stance(normal, foot, height, low - support.offset, True)
+            return Stance(normal, foot, height, True)
     foot = middle + (begins - middle @ up) * up
-    return Stance(up, foot, ends - begins, 0.0, False)
+    return Stance(up, foot, last - begins, False)
 
 
 def map_around(
@@ -125,7 +217,7 @@ def map_around(
     return heights_from_above(rest, middle, radius + 1e-9, up, ceiling, execution)
 
 
-def carrier(body: Gaussians, seen: Relief, up: Float[Tensor, "3"]) -> Support | None:
+def carrier(body: Gaussians, seen: Relief, up: Float[Tensor, "3"]) -> Plane | None:
     """The plane that carries an object among what is seen from above around it; None: no such."""
     cells = seen.points[seen.there].numpy()
     chosen = body.means[:: 1 + len(body) // MOST_POINTS].double().numpy()

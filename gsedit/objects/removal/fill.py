@@ -1,26 +1,29 @@
-"""Gaussians that fill the hole of a sheet.
+"""Gaussians that fill what an object hid: the hole of a sheet, or of a view that shows no plane.
 
-Where its texture was copied, the Gaussians are copied that made it, so that they have its grain,
-roughness and view dependence; under them, and elsewhere, lies a layer of flat discs.
-`n` Gaussians; a sheet of `h w` cells; `k` harmonics a channel.
+Where a sheet's texture was copied, the Gaussians are copied that made it, so that they have its
+grain, roughness and view dependence; under them, and elsewhere, lies a layer of flat discs.
+`n` Gaussians; `h w` cells or pixels; `k` harmonics a channel.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import torch
-from jaxtyping import Float, Float64
+from jaxtyping import Bool, Float, Float64
+from torch import Tensor
 
-from gsedit.objects.removal.cells import depth_in, mean_around, widened
-from gsedit.objects.removal.complete import Completed, complete
-from gsedit.objects.removal.draw import Draw, drawn_over
-from gsedit.objects.removal.membrane import solve_membrane
+from gsedit.objects.removal.cells import away_from, depth_in, mean_around, widened
+from gsedit.objects.removal.complete import Completed, complete, solve_membrane
 from gsedit.objects.removal.sheet import Sheet
-from gsedit.objects.removal.walls import Plane
+from gsedit.objects.removal.sight import Sight, Views, seen_through
+from gsedit.scene.planes import Plane
 from gsedit.scene.quaternions import quaternion_of, turn_between
-from rasterizer.numerics import SH_DC
+from rasterizer.camera import Camera
+from rasterizer.numerics import AUTO, SH_DC, Execution, color_to_sh
+from rasterizer.render import render
 from rasterizer.scene import Gaussians, concatenate
 
 DISC, FLATNESS, OPACITY = 0.7, 0.1, 0.985
@@ -34,17 +37,10 @@ SMOOTHED = 0.1
 """Standard deviation over which view dependence is averaged, of the hole's size."""
 
 
-def filled(
-    kept: Gaussians, sheet: Sheet, plane: Plane, draw: Draw | None = None
-) -> tuple[Gaussians, bool]:
-    """The Gaussians of a sheet's hole, and whether they have texture.
-
-    `kept` is what is left of the scene; `draw` makes up the texture instead.
-    """
+def filled(kept: Gaussians, sheet: Sheet, plane: Plane) -> tuple[Gaussians, bool]:
+    """The Gaussians of a sheet's hole, and whether they have texture; `kept` is what is left of the
+    scene."""
     done = complete(sheet.values[..., :3], sheet.known, sheet.hole)
-    if draw is not None:
-        picture = drawn_over(done.picture, sheet.known, sheet.hole, draw)
-        return _discs(sheet, plane, picture, 0.0, kept), True
     copies = _copies(kept, sheet, plane, done)
     sink = SINK * plane.band if len(copies) else 0.0
     return concatenate(copies, _discs(sheet, plane, done.picture, sink, kept)), done.textured
@@ -110,3 +106,86 @@ def _bands(sheet: Sheet) -> Float64[np.ndarray, "h w k 3"]:
     mean = mean_around(bands, sheet.known.astype(np.float64), sigma)
     rim = sheet.known & widened(sheet.hole, 2)
     return solve_membrane(mean, ~rim, rim).reshape(shape)
+
+
+LEAST_HOLE = 0.01
+"""Least hole, of the object's outline: less is not worth a layer."""
+SOLID = 0.5
+"""Opacity of a pixel, below which it is open."""
+SURROUNDED = 0.8
+"""Opacity that what is around must continue to: else there is nothing behind the object."""
+KNOWN = 0.9
+"""Opacity of a pixel that is known."""
+SURROUNDINGS = 1.0
+"""Width of what is known around a hole that is looked at, of the hole's size."""
+
+
+def find_gap(views: Views) -> tuple[Camera, Bool[np.ndarray, "h w"]] | None:
+    """(camera, hole) of the view with the largest hole in the object's outline; None: none has any.
+
+    Where nothing is around the outline, there is no hole: the object was before nothing.
+    """
+    best, largest = None, 0.0
+    for sight, alpha in zip(views.sights, views.alpha):
+        around = sight.ring | ~sight.outline
+        open_ = sight.outline & (alpha < SOLID)
+        if open_.sum() <= max(LEAST_HOLE * sight.outline.sum(), largest) or not around.any():
+            continue
+        full = solve_membrane(alpha[..., None].astype(np.float64), sight.outline, around)[..., 0]
+        hole = open_ & (full > SURROUNDED)
+        if hole.sum() > max(LEAST_HOLE * sight.outline.sum(), largest):
+            best, largest = (sight.camera, hole), float(hole.sum())
+    return best
+
+
+@torch.no_grad()
+def backdrop(
+    scene: Gaussians,
+    camera: Camera,
+    hole: Bool[np.ndarray, "h w"],
+    sights: Sequence[Sight],
+    execution: Execution = AUTO,
+) -> tuple[Gaussians, bool]:
+    """A layer of Gaussians, one a pixel of the hole, and whether it has texture.
+
+    Inverse depth goes on smoothly from what is around.
+    """
+    shown = render(scene, camera, median_depth=True, execution=execution)
+    depth = shown.median_depth
+    assert depth is not None
+    solid = (shown.alpha.numpy() > KNOWN) & (depth.numpy() > 0)
+    size = float(np.sqrt(hole.sum()))
+    known = solid & ~hole & (away_from(hole) < 3 + SURROUNDINGS * size)
+    done = complete(shown.color.double().numpy(), known, hole)
+    inverse = 1 / np.where(known, depth.double().numpy(), 1.0)
+    smooth = solve_membrane(inverse[..., None], hole, known)[hole][:, 0]
+    far = torch.from_numpy(1 / np.maximum(smooth, 1e-9))
+    made = _layer(scene, camera, hole, far, torch.from_numpy(done.picture[hole]))
+    empty = seen_through(made.means.double().numpy(), sights)
+    return made[torch.from_numpy(~empty)], done.textured
+
+
+def _layer(
+    scene: Gaussians,
+    camera: Camera,
+    hole: Bool[np.ndarray, "h w"],
+    depth: Float[Tensor, " m"],
+    colors: Float[Tensor, "m 3"],
+) -> Gaussians:
+    """Discs that face the camera, as wide as their pixels."""
+    count = len(depth)
+    points = camera.unproject(camera.pixel_centers()[torch.from_numpy(hole)], depth)
+    sh = torch.zeros(count, scene.sh.shape[1], 3).double()
+    sh[:, 0] = color_to_sh(colors)
+    pixel = (
+        depth / camera.fx if camera.model == "pinhole" else torch.full_like(depth, 1 / camera.fx)
+    )
+    flat = torch.tensor((1.0, 1.0, FLATNESS)).double()
+    quat = torch.from_numpy(quaternion_of(camera.rotation.double().numpy().T))
+    return Gaussians(
+        points,
+        quat.expand(count, 4).contiguous(),
+        (DISC * pixel[:, None] * flat).log(),
+        torch.full((count,), OPACITY).double().logit(),
+        sh,
+    ).to(scene.means.dtype)

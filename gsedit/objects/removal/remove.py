@@ -18,14 +18,17 @@ from gsedit.cameras.paths import up_of
 from gsedit.datasets.dataset import evenly_spaced
 from gsedit.errors import UsageError
 from gsedit.objects.outcome import NEW, Outcome, check_finite
-from gsedit.objects.removal.backdrop import backdrop, find_gap
 from gsedit.objects.removal.cells import widened
-from gsedit.objects.removal.draw import Draw
-from gsedit.objects.removal.fill import filled
-from gsedit.objects.removal.mirrored import mirrored_under
-from gsedit.objects.removal.resting import resting_on
-from gsedit.objects.removal.shade import find_shade
-from gsedit.objects.removal.sheet import Sheet
+from gsedit.objects.removal.fill import backdrop, filled, find_gap
+from gsedit.objects.removal.remains import (
+    AROUND,
+    core_of,
+    mirrored_under,
+    resting_on,
+    strays,
+    tidied,
+)
+from gsedit.objects.removal.sheet import Object, Sheet, find_shade, find_sheet, standing
 from gsedit.objects.removal.sight import (
     Sight,
     Views,
@@ -34,13 +37,9 @@ from gsedit.objects.removal.sight import (
     look,
     look_again,
 )
-from gsedit.objects.removal.strays import AROUND, strays
-from gsedit.objects.removal.tidy import core_of, tidied
-from gsedit.objects.removal.uncover import Object, find_sheet, standing
-from gsedit.objects.removal.walls import SMALLEST, Plane, find_planes
 from gsedit.scene.cache import cached_per_scene
-from gsedit.scene.neighbors import k_nearest
-from gsedit.scene.quantiles import extent_of
+from gsedit.scene.neighbors import extent_of, k_nearest
+from gsedit.scene.planes import SMALLEST, Plane, find_planes
 from gsedit.surface.normals import shortest_axes
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, SH_DC, Execution, sh_to_color
@@ -74,7 +73,6 @@ def remove(
     inside: Bool[Tensor, " n"],
     cameras: Sequence[Camera] = (),
     execution: Execution = AUTO,
-    draw: Draw | None = None,
 ) -> Outcome:
     """Remove the Gaussians `inside` with what belongs to them, and fill what nobody saw.
 
@@ -82,9 +80,6 @@ def remove(
     the planes around it. A plane (ground, table, walls) goes on under it with its own texture; what
     lies on no plane goes on smoothly in depth. All other Gaussians keep their bits. Without
     `cameras`, some are found.
-
-    `draw` makes up the texture instead: it gets a picture (`h w 3`, sRGB in [0, 1]: the plane from
-    straight above, or a view) and the mask (`h w`) of what to paint, and returns the picture.
 
     Raises UsageError for a selection that is empty, everything, or seen by no camera, and for
     values that are not finite.
@@ -104,8 +99,8 @@ def remove(
     kept, planes = _without(scene, inside, thing.extent, sights, seen, execution)
     left = _Left(scene, kept, torch.zeros(len(kept), dtype=torch.bool), scene[kept], [], 0)
     bare = look_again(left.scene, sights, execution)
-    left, views = _planes_filled(left, planes, thing, bare, draw, execution)
-    left, views = _gaps_filled(left, views, draw, execution)
+    left, views = _planes_filled(left, planes, thing, bare, execution)
+    left, views = _gaps_filled(left, views, execution)
     firm = scene.means[left.rows][left.rest.opacities > FIRM].numpy()
     resting = int(resting_on(thing.points, firm, up_of(cameras).double().numpy()).sum())
     return left.outcome(_notes(inside, left, len(sights), guessed(bare, views), resting))
@@ -116,7 +111,6 @@ def _planes_filled(
     planes: Sequence[Plane],
     thing: Object,
     views: Views,
-    draw: Draw | None,
     execution: Execution,
 ) -> tuple[_Left, Views]:
     """Fill the holes of planes and take the object's shadow off them, one after the other."""
@@ -127,21 +121,19 @@ def _planes_filled(
             continue
         left, sheet = _lit(left, sheet, plane, thing.extent)
         left = left.without(_in_hole(left.rest, sheet, plane))
-        made, textured = filled(left.rest, sheet, plane, draw)
+        made, textured = filled(left.rest, sheet, plane)
         left = left.plus(made, textured)
         views = look_again(left.scene, views.sights, execution)
     return left, views
 
 
-def _gaps_filled(
-    left: _Left, views: Views, draw: Draw | None, execution: Execution
-) -> tuple[_Left, Views]:
+def _gaps_filled(left: _Left, views: Views, execution: Execution) -> tuple[_Left, Views]:
     """Continue what lies on no plane in those views that show the largest holes."""
     for _ in range(MOST_GAPS):
         gap = find_gap(views)
         if gap is None:
             break
-        made, textured = backdrop(left.scene, gap, views.sights, draw, execution)
+        made, textured = backdrop(left.scene, *gap, views.sights, execution)
         if not len(made):
             break
         left = left.plus(made, textured)
@@ -187,16 +179,18 @@ def _lit(left: _Left, sheet: Sheet, plane: Plane, extent: float) -> tuple[_Left,
     points = left.rest.means.numpy()
     cell = sheet.at(points)
     others = standing(sheet, plane, points[left.rest.opacities.numpy() > FIRM], extent)
-    shade = find_shade(sheet.values[..., :3], sheet.known, sheet.hole, sheet.caster, others, reach)
-    light = torch.from_numpy(shade.light.reshape(-1, 3)[cell]).to(left.rest.sh)[:, None]
-    moved = plane.on(points) & (cell >= 0) & (shade.light.reshape(-1, 3)[cell] < 1).any(1)
-    dark = torch.from_numpy(moved)
+    light, deep = find_shade(
+        sheet.values[..., :3], sheet.known, sheet.hole, sheet.caster, others, reach
+    )
+    own = light.reshape(-1, 3)[cell]
+    dark = torch.from_numpy(plane.on(points) & (cell >= 0) & (own < 1).any(1))
+    brighter = (1 / torch.from_numpy(own)).to(left.rest.sh)[dark, None]
     sh = left.rest.sh.clone()
-    sh[dark] = sh[dark] / light[dark]
-    sh[dark, :1] += 0.5 / SH_DC * (1 / light[dark] - 1)
-    values = sheet.values / np.tile(shade.light, sheet.values.shape[-1] // 3)
-    contact = widened(sheet.hole, CONTACT) & (shade.light.min(-1) < TOUCHED)
-    hole = sheet.hole | ((shade.deep | contact) & sheet.known)
+    sh[dark] *= brighter
+    sh[dark, :1] += 0.5 / SH_DC * (brighter - 1)
+    values = sheet.values / np.tile(light, sheet.values.shape[-1] // 3)
+    contact = widened(sheet.hole, CONTACT) & (light.min(-1) < TOUCHED)
+    hole = sheet.hole | ((deep | contact) & sheet.known)
     sheet = replace(sheet, values=values, known=sheet.known & ~hole, hole=hole)
     return replace(left, changed=left.changed | dark, rest=replace(left.rest, sh=sh)), sheet
 
@@ -237,15 +231,16 @@ def _without(
     points, removed = scene.means.numpy(), inside.numpy()
     rest = (~inside).nonzero().squeeze(1)
     kept = scene[rest]
-    now = contributions_of(kept, sights, execution)
+    now = contributions_of(kept, sights, execution).numpy()
     weights = np.zeros(len(scene))
-    weights[rest.numpy()] = now.around.numpy()
+    weights[rest.numpy()] = now[2]
     eye = np.mean([sight.camera.center.double().numpy() for sight in sights], 0)
     planes = find_planes(
         points, core_of(points, removed), shortest_axes(scene).numpy(), weights, eye
     )
     colors = sh_to_color(kept.sh[:, 0]).numpy()
-    away = _distance(points[removed], points[rest.numpy()], AROUND * extent) / extent
+    some = points[removed][:: 1 + int(removed.sum()) // MOST_POINTS]
+    away = k_nearest(some, points[rest.numpy()], 1, AROUND * extent)[0][:, 0] / extent
     gone = strays(
         points[rest.numpy()], colors, kept.opacities.numpy(), away, seen[rest].numpy(), now, planes
     )
@@ -253,14 +248,6 @@ def _without(
         ground = planes[0]
         gone |= mirrored_under(points[removed], points[rest.numpy()], ground.normal, ground.offset)
     return rest[torch.from_numpy(~gone)], planes
-
-
-def _distance(
-    object_: Float[np.ndarray, "k 3"], points: Float[np.ndarray, "n 3"], most: float
-) -> Float[np.ndarray, " n"]:
-    """The distance of points from an object; infinite beyond `most`."""
-    some = object_[:: 1 + len(object_) // MOST_POINTS]
-    return k_nearest(some, points, 1, most)[0][:, 0]
 
 
 def _object(scene: Gaussians, inside: Bool[Tensor, " n"], cameras: Sequence[Camera]) -> Object:

@@ -68,28 +68,18 @@ def look(
     return sights, seen
 
 
-@dataclass(frozen=True, eq=False)
-class Contributions:
-    """Contribution of each Gaussian to all views, pixels."""
-
-    total: Float[Tensor, " n"]
-    outlined: Float[Tensor, " n"]
-    """In the object's outlines."""
-    around: Float[Tensor, " n"]
-    """In the rings around them."""
-
-
 @torch.no_grad()
 def contributions_of(
     scene: Gaussians, sights: Sequence[Sight], execution: Execution = AUTO
-) -> Contributions:
-    """Contributions of a scene without the object to where it was, and to what is around."""
+) -> Float[Tensor, "3 n"]:
+    """Pixels that each Gaussian of a scene without the object gives: to all views, to the object's
+    outlines, and to the rings around them."""
     sums = scene.means.new_zeros(len(scene), 3)
     for sight in sights:
         maps = np.stack((np.ones_like(sight.outline), sight.outline, sight.ring), -1)
         weights = color_weights(scene, sight.camera, execution=execution)
         sums += weights.back(torch.from_numpy(maps).to(scene.means))
-    return Contributions(*sums.unbind(-1))
+    return sums.T
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,16 +121,15 @@ def _depth(
     return depth.masked_fill(depth <= 0, torch.inf).numpy(), shown.alpha.numpy()
 
 
-@dataclass(frozen=True, eq=False)
-class Testimony:
-    """How many views say what about places of a surface."""
-
-    revealed: Float64[np.ndarray, " m"]
-    """Views in which it lies in the object's outline with nothing left before it."""
-    through: Float64[np.ndarray, " m"]
-    """Views that saw through it, to what is behind."""
-    unhidden: Float64[np.ndarray, " m"]
-    """Views with nothing before it."""
+def _pixels_of(
+    points: Float64[np.ndarray, "m 3"], sight: Sight
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Row, column and depth of points in a picture, and whether they are within it."""
+    xy, z = (t.numpy() for t in sight.camera.project(torch.from_numpy(points)))
+    column, row = np.floor(xy.clip(-1e6, 1e6)).astype(np.int64).T
+    h, w = sight.depth.shape
+    shown = (z > 0) & (column >= 0) & (column < w) & (row >= 0) & (row < h)
+    return row.clip(0, h - 1), column.clip(0, w - 1), z, shown
 
 
 def testify(
@@ -148,8 +137,9 @@ def testify(
     heights: Float64[np.ndarray, " v"],
     views: Views,
     tolerance: float,
-) -> Testimony:
-    """Ask all views about points of a plane.
+) -> tuple[Float64[np.ndarray, " m"], Float64[np.ndarray, " m"], Float64[np.ndarray, " m"]]:
+    """How many views say what of points of a plane: those that have it in the object's outline with
+    nothing left before it, that saw through it to what is behind, and that have nothing before it.
 
     `heights` are the cameras' over the plane. Surfaces are told apart that lie farther than
     `tolerance` from the plane.
@@ -158,11 +148,7 @@ def testify(
     for sight, height, rest in zip(views.sights, heights, views.depth):
         if height <= tolerance:
             continue
-        xy, z = (t.numpy() for t in sight.camera.project(torch.from_numpy(points)))
-        column, row = np.floor(xy.clip(-1e6, 1e6)).astype(np.int64).T
-        h, w = sight.depth.shape
-        shown = (z > 0) & (column >= 0) & (column < w) & (row >= 0) & (row < h)
-        row, column = row.clip(0, h - 1), column.clip(0, w - 1)
+        row, column, z, shown = _pixels_of(points, sight)
         outlined = sight.outline[row, column] & shown
         # how far under the plane, or over it, the surface of the pixel lies
         under, under_left = (
@@ -173,7 +159,7 @@ def testify(
         revealed += outlined & open_
         unhidden += shown & ~outlined & (under > -tolerance)
         through += shown & ~outlined & (under > tolerance)
-    return Testimony(revealed, through, unhidden)
+    return revealed, through, unhidden
 
 
 def seen_through(
@@ -182,11 +168,7 @@ def seen_through(
     """Flag the places that most views saw through, of those that nothing hid them from."""
     through, all_ = np.zeros(len(points)), np.zeros(len(points))
     for sight in sights:
-        xy, z = (t.numpy() for t in sight.camera.project(torch.from_numpy(points)))
-        column, row = np.floor(xy.clip(-1e6, 1e6)).astype(np.int64).T
-        h, w = sight.depth.shape
-        shown = (z > 0) & (column >= 0) & (column < w) & (row >= 0) & (row < h)
-        row, column = row.clip(0, h - 1), column.clip(0, w - 1)
+        row, column, z, shown = _pixels_of(points, sight)
         shown &= ~sight.outline[row, column]
         depth = sight.depth[row, column]
         all_ += shown & (depth > (1 - SAME_DEPTH) * z)

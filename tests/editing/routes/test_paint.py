@@ -9,7 +9,6 @@ from bench.reflective import Finish, LitSolid, captured, garden, plain_base
 from changes import painted
 
 from gsedit.errors import UsageError
-from gsedit.measures.color_difference import ciede2000
 from gsedit.scene.color_space import lab_of_srgb, srgb_of_hex
 from gsedit.scene.picture import render_picture
 from gsedit.synthetic import ring_cameras, scenes
@@ -34,7 +33,8 @@ def paint(name, color):
 
 
 def distance(one, other):
-    return float(ciede2000(lab_of_srgb(one[None]), lab_of_srgb(other[None]))[0])
+    """Distance in CIE Lab, of which 2.3 is just seen."""
+    return float(np.linalg.norm(lab_of_srgb(one) - lab_of_srgb(other)))
 
 
 def test_the_mean_is_that_of_the_color_in_the_scenes_light(ball):
@@ -48,8 +48,8 @@ def test_the_mean_is_that_of_the_color_in_the_scenes_light(ball):
         after = painted(scene, paint("", color), own, cameras).scene
         shown = render_picture(after, held_out)[hit].mean(0).double().numpy()
         found.append(distance(shown, exact))
-    assert np.median(found) < 5
-    assert max(found) < 12
+    assert np.median(found) < 8
+    assert max(found) < 18
 
 
 def test_alone_it_is_near_the_color_asked_for(ball):

@@ -16,7 +16,7 @@ from gsedit.editors import make_editor
 from gsedit.errors import UsageError
 from gsedit.fitting.settings import UpdateSettings
 from gsedit.paper.evidence import HeldOutViews
-from gsedit.paper.skip.decision import DECISIONS
+from gsedit.paper.skips import DECISIONS
 from gsedit.paper.strategies.single_pass import SinglePass
 from gsedit.runs.journal import read_events
 from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians

@@ -9,8 +9,8 @@ from math import log10
 import numpy as np
 import pytest
 import torch
+from labelled import statue
 from regions_iou import iou
-from research.labelled import statue
 
 import gsedit
 from gsedit import Dataset, EditSettings, edit

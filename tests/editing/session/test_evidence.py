@@ -95,7 +95,9 @@ def test_pictures_that_are_not_edited_agree_as_the_unedited_scene_does(scene, da
 
 @pytest.mark.parametrize(("edited", "excess"), [(0.5, 0.4), (0.3, 0.0), (0.0, -0.3)])
 def test_excess_is_what_was_added_in_quadrature(edited, excess):
-    row = WarpComparison("targets", "short", 1, 0.5, 0.3, edited)
+    row = WarpComparison(
+        pictures="targets", range="short", pairs=1, compared=0.5, unedited=0.3, edited=edited
+    )
     assert row.excess == pytest.approx(excess)
 
 

@@ -15,7 +15,7 @@ from three_scenes import Swapped
 from gsedit import Dataset, EditSettings, edit_steps
 from gsedit.datasets.dataset import capture
 from gsedit.errors import UsageError
-from gsedit.paper.presets import PRESETS
+from gsedit.paper.settings import PRESETS
 from gsedit.paper.strategies.single_pass import SinglePass
 from gsedit.paper.view_plan import random_plan
 from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians

@@ -14,13 +14,7 @@ from gsedit.consistency.correspond import correspond
 from gsedit.consistency.depth_maps import DEFAULT_RULES
 from gsedit.fitting.random_crops import crops_needed, cut, random_patch, share_of_crops
 from gsedit.paper.edit_views import MIN_MATCH_OVERLAP
-from gsedit.paper.skip.decide import decide_gaussians
-from gsedit.paper.skip.invisible import (
-    INVISIBLE_COLOR,
-    band_colors,
-    faint_gaussians,
-    visible_coefficients,
-)
+from gsedit.paper.survey import INVISIBLE_COLOR, band_colors, visible_coefficients
 from gsedit.paper.view_plan import survey, view_overlap
 from gsedit.select.finder import Finder
 from gsedit.select.region import Region, coverage
@@ -42,10 +36,6 @@ def draw(scene: Gaussians, camera: Camera, **more) -> Rendering:
         return render(scene, camera, **more)
 
 
-def everything(scene: Gaussians) -> torch.Tensor:
-    return torch.ones(len(scene), dtype=torch.bool)
-
-
 def test_a_band_adds_no_more_than_its_bound_in_any_direction():
     random = torch.Generator().manual_seed(0)
     sh = torch.randn(40, 16, 3, generator=random, dtype=torch.float64)
@@ -64,38 +54,13 @@ def test_bands_that_add_less_than_half_a_step_are_not_drawn(exhibit):
     scene = exhibit.scene
     sh = torch.cat((scene.sh, scene.sh.new_zeros(len(scene), 16 - scene.sh.shape[1], 3)), 1)
     sh[:, 9:] += 4e-4 * torch.randn(len(scene), 7, 3, generator=small)
-    seen = everything(scene)
-    kept = visible_coefficients(sh, seen)
+    kept = visible_coefficients(sh)
     assert kept <= 9
     camera = exhibit.data.views[0].camera
     whole, less = (draw(replace(scene, sh=each), camera).color for each in (sh, sh[:, :kept]))
     assert (whole - less).abs().max() <= INVISIBLE_COLOR
     sh[0, 15] = 1.0  # one Gaussian that shows it needs the band
-    assert visible_coefficients(sh, seen) == 16
-    seen[0] = False
-    assert visible_coefficients(sh, seen) == kept
-
-
-@pytest.mark.parametrize("most", [1e-4, 3e-3])
-def test_left_out_gaussians_change_a_pixel_by_their_weight_at_most(exhibit, most):
-    scene, views = exhibit.scene, cameras(exhibit)[:4]
-    weights = survey(scene, views)
-    shares = weights / weights.sum(1, keepdim=True)
-    left = faint_gaussians(shares, most)
-    assert (shares[:, left].sum(1) <= most * 1.0001).all()
-    brightest = max(1.0, float((1 + band_colors(scene.sh).sum(-1)).max()))
-    errors, maps = [], []
-    for camera in views:
-        whole = draw(scene, camera, marked=left)
-        change = (whole.color - draw(scene[~left], camera).color).abs()
-        assert (change <= brightest * whole.marked[..., None] + 2e-5).all()  # the renderer's stop
-        errors.append(float(change.square().mean().sqrt()))
-        maps.append(whole.marked.flatten())
-    decision = decide_gaussians(left, shares, torch.stack(maps), scene.sh)
-    assert decision.applies == bool(left.any())
-    if decision.applies:
-        assert max(errors) <= decision.bound.value + 2e-5
-        assert decision.skipped.count == int(left.sum())
+    assert visible_coefficients(sh) == 16
 
 
 def test_pairs_that_hardly_overlap_match_hardly_any_cells(exhibit):

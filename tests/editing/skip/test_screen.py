@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from gsedit.paper.skip.decision import Bound, Decision, Skipped, one_line, screen
+from gsedit.paper.skips import Bound, Decision, Skipped, one_line, screen
 
 TAKEN = Decision(
-    "crops",
+    "merging",
     True,
     "The region shows in 12% of all crops: only these are drawn",
     Skipped(1500, 4000, "crops"),
@@ -20,7 +20,7 @@ def test_the_screen_has_80_columns_and_what_applies_comes_first():
     text = screen([NEEDED, TAKEN])
     lines = text.splitlines()
     assert max(map(len, lines)) <= 80
-    assert lines[0].startswith("- crops ")
+    assert lines[0].startswith("- merging ")
     joined = " ".join(text.split())
     assert "1,500 of 4,000 crops. The region shows in 12%" in joined
     assert "Saves 38% of the crops of the update. Error at most 0.0039 of a color." in joined
@@ -28,6 +28,6 @@ def test_the_screen_has_80_columns_and_what_applies_comes_first():
 
 
 def test_a_line_lists_what_is_skipped():
-    assert one_line([NEEDED, TAKEN]) == "skipped: crops (1,500 of 4,000 crops)"
+    assert one_line([NEEDED, TAKEN]) == "skipped: merging (1,500 of 4,000 crops)"
     assert one_line([NEEDED]) == "skipped: nothing"
     assert str(Bound(0.0, "")) == "0: nothing changes"

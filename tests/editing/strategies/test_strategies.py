@@ -18,9 +18,9 @@ from gsedit.fitting.settings import UpdateSettings
 from gsedit.paper import strategies
 from gsedit.paper.actions import Action, Strategy, update_round
 from gsedit.paper.edit_views import edit_views
+from gsedit.paper.request import name_of
 from gsedit.paper.session import Session, seen_gaussians
 from gsedit.paper.strategies.single_pass import SinglePass
-from gsedit.paper.strategy import name_of
 from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
 
 

@@ -6,9 +6,9 @@ import pytest
 from tiny_edits import PROMPT, SETTINGS, Watched, data, scene
 
 from gsedit.editing.edit import plan_edit
+from gsedit.paper.request import uses_all_views
 from gsedit.paper.strategies.iterative import Iterative
 from gsedit.paper.strategies.single_pass import SinglePass
-from gsedit.paper.strategy import uses_all_views
 
 
 @pytest.mark.parametrize(

@@ -13,9 +13,8 @@ from gsedit.diffusion.guidance import Need
 from gsedit.diffusion.settings import SamplerSettings
 from gsedit.editor_protocol import for_settings
 from gsedit.errors import UsageError
-from gsedit.models.klein import Klein
+from gsedit.models.klein import packed
 from gsedit.models.loading import load_model
-from gsedit.models.tokens import packed
 
 pytestmark = pytest.mark.usefixtures("offline")
 LENGTH = 24
@@ -33,7 +32,7 @@ def noise(count: int = 2, rows: int = 8, columns: int = 12) -> torch.Tensor:
     return torch.randn(count, 2, rows, columns, generator=torch.Generator().manual_seed(2))
 
 
-KINDS = {"distilled": {}, "guided": {"distilled": False}, "cached": {"cached": True}}
+KINDS = {"distilled": {}, "guided": {"distilled": False}}
 
 
 @pytest.fixture(scope="module", params=KINDS)
@@ -46,7 +45,6 @@ def both(request, tmp_path_factory):
 def test_every_step_equals_diffusers(both):
     pipe, model = both
     pictures, start = views(2, 64, 72), noise(2, 32, 36)  # the pipeline takes 64 pixels or more
-    guided = {} if model.cached else {"guidance_scale": 4.0}
     expected = [
         trace(
             pipe,
@@ -57,7 +55,7 @@ def test_every_step_equals_diffusers(both):
             latents=pixel_unshuffle(x[None], 2),
             num_inference_steps=3,
             max_sequence_length=LENGTH,
-            **guided,
+            guidance_scale=4.0,
         )
         for view, x in zip(pictures, start)
     ]
@@ -68,24 +66,13 @@ def test_every_step_equals_diffusers(both):
         assert_near(packed(step.x), torch.cat(theirs), NETWORK)
 
 
-def needed(model: Klein) -> Need:
-    return Need(True, not model.distilled, not model.distilled)
-
-
 @torch.no_grad()
-def test_micro_batches_change_nothing(both):
+def test_laws(both):
     _, model = both
-    model_laws.micro_batches_change_nothing(model, views(3, 16, 24), noise(3), needed(model))
-
-
-@torch.no_grad()
-def test_views_do_not_mix(both):
-    _, model = both
-    model_laws.views_do_not_mix(model, views(2, 16, 24), noise(), needed(model))
-
-
-def test_consensus_law(both):
-    model_laws.consensus_law_holds(both[1], views(2, 16, 24), noise())
+    need = Need(True, not model.distilled, not model.distilled)
+    model_laws.micro_batches_change_nothing(model, views(3, 16, 24), noise(3), need)
+    model_laws.views_do_not_mix(model, views(2, 16, 24), noise(), need)
+    model_laws.consensus_law_holds(model, views(2, 16, 24), noise())
 
 
 @torch.no_grad()
@@ -102,14 +89,6 @@ def test_encode_and_decode_equal_the_pipelines(both):
     latents = theirs * (variance + pipe.vae.config.batch_norm_eps).sqrt() + mean
     expected = pipe.vae.decode(pipe._unpatchify_latents(latents)).sample
     assert_near(model.decode(ours), expected.movedim(1, -1) / 2 + 0.5, NETWORK)
-
-
-def test_sides_and_defaults(both):
-    _, model = both
-    assert (model.cell, model.multiple, model.channels, model.size) == (2, 4, 2, 256)
-    defaults = model.capabilities.defaults
-    assert defaults.guidance_text == (1 if model.distilled else 4)
-    assert defaults.steps == (4 if model.distilled else 50)
 
 
 def test_a_long_instruction_is_refused(both):

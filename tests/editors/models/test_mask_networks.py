@@ -9,7 +9,7 @@ import tiny_segmenters as tiny
 import torch
 from PIL import Image
 
-from gsedit.editors.masks import make_masks
+from gsedit.editors import make_masks
 from gsedit.errors import InputError, UsageError
 from gsedit.models import mask_networks as networks
 
@@ -82,13 +82,6 @@ def test_grounding_dino_and_sam_are_equal_to_transformers(grounded, monkeypatch)
     (mask,) = provider.masks([picture], "The red chair")
     torch.testing.assert_close(mask, expected)
     assert expected.std() > 1e-4
-
-
-def test_a_picture_without_a_box_has_an_empty_mask(grounded, monkeypatch):
-    _, (first, second) = grounded
-    monkeypatch.setattr(networks, "BOX_SCORE", 1.0)
-    provider = make_masks("grounded-sam", model=str(first), sam=str(second))
-    assert [mask.any().item() for mask in provider.masks(pictures(), PHRASE)] == [False, False]
 
 
 def test_phrases_that_no_network_can_read(clipseg, grounded):

@@ -8,10 +8,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import diffusers
+import model_laws
 import pytest
 import torch
 from closeness import NETWORK, assert_near, slope_error
-from tiny_models import PROMPT, SD
+from tiny_models import PROMPT
 
 from gsedit.consistency.correspond import Correspondences
 from gsedit.diffusion.guidance import Need
@@ -20,6 +21,7 @@ from gsedit.diffusion.settings import SamplerSettings
 from gsedit.editors import EditBatch, make_editor
 from gsedit.errors import UsageError
 from gsedit.models.loading import load_model
+from gsedit.models.model import TextNetwork
 
 pytestmark = pytest.mark.usefixtures("offline")
 
@@ -98,52 +100,6 @@ def test_xl_sampling_equals_diffusers(xl_pipeline, xl_folder, tmp_path, zeros):
     assert bool((condition.null.pooled == 0).all()) == zeros
 
 
-def test_xl_is_told_the_size_of_the_pictures(xl_folder):
-    model = load_model(xl_folder)
-    condition = model.condition(images(), PROMPT, torch.Generator())
-    assert condition.size == (32, 32)
-    far = condition._replace(size=(1024, 512))
-    near, other = (model.branches(noise(), 500.0, each, Need()) for each in (condition, far))
-    assert not torch.equal(near.text_image, other.text_image)
-
-
-def test_the_whole_xl_editor(xl_folder):
-    editor = make_editor("pix2pix", model=xl_folder)
-    views = torch.rand(2, 30, 33, 3, generator=torch.Generator().manual_seed(1))
-    batch = EditBatch(views, views, PROMPT)
-    *_, last = editor.edit(batch, SamplerSettings(steps=2), torch.Generator().manual_seed(0))
-    assert last.images.shape == views.shape
-    assert last.images.isfinite().all()
-
-
-@pytest.mark.parametrize("steps", [1, 7, 20, 50, 100])
-def test_times_equal_diffusers(model, steps):
-    scheduler = diffusers.DDIMScheduler(**SD)
-    scheduler.set_timesteps(steps)
-    assert model.schedule.timesteps(steps) == scheduler.timesteps.tolist()
-
-
-def test_v_prediction_equals_diffusers(pipeline, folder, tmp_path):
-    shutil.copytree(folder, tmp_path / "v")
-    config = {**SD, "prediction_type": "v_prediction"}
-    diffusers.DDIMScheduler(**config).save_pretrained(tmp_path / "v" / "scheduler")
-    settings = SamplerSettings(steps=3, strength=1.0, consensus=False)
-    pipe = diffusers.StableDiffusionInstructPix2PixPipeline(
-        **{**pipeline.components, "scheduler": diffusers.DDIMScheduler(**config)},
-        requires_safety_checker=False,
-    )
-    pipe.set_progress_bar_config(disable=True)
-    expected = theirs(pipe, settings)
-    assert_near(ours(load_model(tmp_path / "v"), settings), expected, NETWORK)
-
-
-def test_micro_batches_change_nothing(folder, model):
-    together = load_model(folder, micro_batch=3)
-    settings = SamplerSettings(steps=2)
-    # a batch of another size may take another convolution kernel: roundings only
-    assert_near(ours(together, settings), ours(model, settings), NETWORK)
-
-
 def test_condition_is_unscaled_and_start_is_scaled(model):
     condition = model.condition(images(), PROMPT, torch.Generator())
     assert_near(condition.images * 0.18215, model.encode(images()), NETWORK)
@@ -191,28 +147,21 @@ def test_the_whole_editor(folder):
         editor.check("  ")
 
 
-def test_the_networks_see_whole_sides(folder, model):
-    """33 by 29 pixels become 36 by 32: the VAE halves once and the UNet once more."""
-    assert (model.cell, model.multiple) == (2, 4)
-    editor = make_editor("pix2pix", model=folder)
-    seen = []
-    unet = editor.denoiser.unet
-    handle = unet.register_forward_pre_hook(lambda _, args: seen.append(args[0].shape[2:]))
-    views = torch.rand(1, 29, 33, 3, generator=torch.Generator().manual_seed(1))
-    *_, last = editor.edit(
-        EditBatch(views, views, PROMPT), SamplerSettings(steps=1), torch.Generator().manual_seed(0)
-    )
-    handle.remove()
-    assert set(seen) == {(16, 18)}
-    assert last.images.shape == views.shape
-
-
 def test_an_instruction_is_read_once_for_all_batches(folder):
     read = []
     model = load_model(folder)
     encoder = model.text_encoders[0]
-    counted = replace(encoder, network=lambda ids: read.append(ids) or encoder.network(ids))
+    counted = replace(
+        encoder, network=TextNetwork(lambda ids: read.append(ids) or encoder.network(ids), None)
+    )
     model = replace(model, text_encoders=(counted,))
     for batch in (model, model.capabilities.with_micro_batch(2)):
         batch.condition(torch.rand(1, 32, 32, 3), PROMPT, torch.Generator())
     assert len(read) == 2  # the instruction and the empty one
+
+
+def test_laws(model):
+    pictures, start = images(3), noise(3)
+    model_laws.micro_batches_change_nothing(model, pictures, start, Need())
+    model_laws.views_do_not_mix(model, pictures[:2], start[:2], Need())
+    model_laws.consensus_law_holds(model, pictures[:2], start[:2])

@@ -13,7 +13,7 @@ from point_clouds import ball, cloud
 
 from gsedit.errors import UsageError
 from gsedit.formats.scenes import save
-from gsedit.pictures.viewer import libraries, open3d_drawing
+from gsedit.pictures.viewer import open3d_drawing
 from rasterizer import Camera
 
 
@@ -43,18 +43,6 @@ def test_splats_beside_the_camera_are_left_out():
     kept = open3d_drawing.in_reach(scene, ahead())
     # 1.5 right at depth 1 is at pixel 110 of 64: 2.4 half pictures from the middle
     assert kept.tolist() == [True, False, False, False, True]
-
-
-@pytest.mark.parametrize(
-    ("log", "told"),
-    [
-        (b"Vulkan device driver: llvmpipe Mesa 22.3.6 (LLVM 15.0.6)", True),
-        (b"driver: llvmpipe Mesa 25.0.7", False),
-        (b"", False),
-    ],
-)
-def test_an_old_mesa_is_named(log, told):
-    assert ("Mesa 22.3.6 can leave square holes" in open3d_drawing.driver_note(log)) == told
 
 
 def test_where_vulkan_fails_points_are_drawn_and_the_package_is_named(
@@ -90,9 +78,3 @@ def test_what_open3d_does_not_draw_is_refused(words, tmp_path):
     assert result.exit_code == 2
     assert "--open3d draws one scene in its colors: leave out" in result.stderr
     assert one_line(result.stderr)
-
-
-def test_a_window_needs_a_screen(open3d, monkeypatch):
-    monkeypatch.setattr(libraries, "has_screen", lambda: False)
-    with pytest.raises(UsageError, match=r"-o picture\.png"):
-        open3d_drawing.preview_open3d(ball())

@@ -13,7 +13,6 @@ from gsedit.errors import GseditError, UsageError
 from gsedit.formats.scenes import save
 from gsedit.pictures.viewer import drawing, frustums, preview
 from gsedit.pictures.viewer.drawing import Look, Panel, Surroundings
-from gsedit.scene.framing import framing_camera
 from gsedit.select.region import TINT
 from rasterizer import Camera, concatenate, look_at
 
@@ -177,24 +176,6 @@ def test_requests_that_cannot_be_drawn_are_one_line(words, message, tmp_path, mo
     assert message in result.stderr
     assert one_line(result.stderr)
     assert not (tmp_path / "a.png").exists()
-
-
-def test_before_and_after_from_the_command_line(tmp_path):
-    save(ball(), tmp_path / "a.ply")
-    save(ball(150), tmp_path / "b.ply")
-    out = tmp_path / "both.png"
-    size = ("--width", 64, "--height", 48)
-    result = gsedit("view", tmp_path / "a.ply", tmp_path / "b.ply", "-o", out, *size)
-    if result.exit_code == 1:
-        pytest.skip(f"no OpenGL here: {result.stderr}")
-    assert result.exit_code == 0, result.stderr
-    assert preview.Image.open(out).size == (128, 48)
-
-
-def test_a_picture_with_cameras_needs_no_camera_of_its_own():
-    camera = framing_camera(ball(), size=(64, 48))
-    around = Surroundings((Viewpoint("a", camera),))
-    assert frustums.outside_camera(ball(), around.cameras, (64, 48)).width == 64
 
 
 def test_both_scenes_keep_their_columns_and_a_selection_is_of_its_own_scene():

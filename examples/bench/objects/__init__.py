@@ -1,1 +1,0 @@
-"""Benchmark of operations on objects: staged scenes with exact truth, baselines and measures."""

@@ -1,1 +1,0 @@
-"""Sweep of the renderer's error against run time, beside other renderers."""

@@ -1,1 +1,0 @@
-"""Niantic's .spz: its container and the meaning of its values."""

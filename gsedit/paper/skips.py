@@ -1,0 +1,137 @@
+"""Decisions to skip a part of the work of an edit, each with its bound; as text for a terminal."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+DecisionName = Literal["merging", "views"]
+DECISIONS: tuple[str, ...] = get_args(DecisionName)
+"""Names of the decisions, in the order in which they are listed."""
+
+TERMINAL_COLUMNS = 80
+NAME_COLUMNS = 18
+
+
+@dataclass(frozen=True)
+class Skipped:
+    """A number of skipped things out of all of their kind."""
+
+    count: int
+    of: int
+    what: str
+    """The kind of thing, in the plural."""
+
+    def __str__(self) -> str:
+        return f"{self.count:,} of {self.of:,} {self.what}"
+
+
+@dataclass(frozen=True)
+class Bound:
+    """The largest difference that a decision can make to a picture."""
+
+    value: float
+    unit: str
+    """The unit of the value and where it is measured. Colors are in [0, 1]."""
+
+    def __str__(self) -> str:
+        return f"{self.value:.2g} {self.unit}" if self.value else "0: nothing changes"
+
+
+@dataclass(frozen=True)
+class Decision:
+    """Whether one kind of work is skipped in the edit of one scene, and why."""
+
+    name: DecisionName
+    applies: bool
+    """Whether anything is skipped here; if not, the work is needed, or there is none of it."""
+    reason: str
+    skipped: Skipped | None = None
+    saving: float = 0.0
+    """Estimated share of `saves` that is not done, in [0, 1]."""
+    saves: str = ""
+    """The work that `saving` is a share of."""
+    bound: Bound | None = None
+    """None where nothing is skipped, or no bound is known (docs/measurements/editing.md has
+    what was measured)."""
+
+    def describe(self) -> str:
+        """The decision with its reason, saving and bound, for a person."""
+        if not self.applies:
+            return f"{self.reason}."
+        parts = [str(self.skipped)] if self.skipped else []
+        error = f"Error at most {self.bound}" if self.bound else "Error measured, not bounded"
+        parts += [self.reason, f"Saves {self.saving:.0%} of {self.saves}", error]
+        return ". ".join(parts) + "."
+
+
+def screen(decisions: Iterable[Decision]) -> str:
+    """All decisions as lines of at most 80 columns, those that apply first."""
+    ordered = sorted(decisions, key=lambda each: not each.applies)
+    blocks = []
+    for each in ordered:
+        mark = "-" if each.applies else " "
+        head = f"{mark} {each.name}".ljust(NAME_COLUMNS)
+        columns = TERMINAL_COLUMNS - NAME_COLUMNS
+        text = textwrap.wrap(each.describe(), columns, break_on_hyphens=False)
+        blocks.append(head + f"\n{' ' * NAME_COLUMNS}".join(text))
+    return "\n".join(blocks)
+
+
+def one_line(decisions: Iterable[Decision]) -> str:
+    """The decisions that apply and what they skip, for a log."""
+    listed = (
+        f"{each.name} ({each.skipped})" if each.skipped else each.name
+        for each in decisions
+        if each.applies
+    )
+    return f"skipped: {', '.join(listed) or 'nothing'}"
+
+
+def decide_merging(gaussians: int, groups: int) -> Decision:
+    """Whether the Gaussians of a large scene are edited as so many `groups`."""
+    if groups == gaussians:
+        return Decision("merging", False, "Needed: a scene of so few Gaussians is edited as it is")
+    return Decision(
+        "merging",
+        True,
+        "Most are smaller than the pixels of the edit: neighbors are surveyed and fitted together "
+        "as one, and each takes its share of the change. The error was measured "
+        "(docs/measurements/scale.md), it has no proven bound",
+        Skipped(gaussians - groups, gaussians, "Gaussians"),
+        1 - groups / gaussians,
+        "the Gaussians of the survey and the update",
+    )
+
+
+def decide_views(
+    edited: int, budget: int, coverage: float, wanted: float, *, needs_all: bool
+) -> Decision:
+    """Whether views of the `budget` are not edited, since the `edited` ones cover enough.
+
+    `needs_all`: the strategy edits or renders all views.
+
+    A Gaussian that is not covered may keep any color. Together these carry 1 - coverage of all
+    blending weights of all views, and so of all pixels.
+    """
+    if needs_all:
+        return Decision("views", False, "Needed: the strategy edits or renders all of them")
+    if edited == budget:
+        reason = f"{edited} views cover {coverage:.0%}, {wanted:.0%} are wanted"
+        return Decision("views", False, f"Needed: {reason}")
+    return Decision(
+        "views",
+        True,
+        f"{edited} views show well {coverage:.1%} of what all show",
+        Skipped(budget - edited, budget, "views that may be edited"),
+        1 - edited / budget,
+        "the editing and the update",
+        Bound(1 - coverage, "of a pixel's color, mean over the pixels of all views"),
+    )
+
+
+def disabled(name: DecisionName) -> Decision:
+    """The decision of an edit whose settings disable this kind of skipping."""
+    return Decision(name, False, "Not decided: --disable names it")
