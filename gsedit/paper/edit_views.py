@@ -12,7 +12,7 @@ from torch import Tensor
 
 from gsedit.consistency.correspond import Correspondences, correspond
 from gsedit.consistency.depth_maps import DEFAULT_RULES, NO_RULES
-from gsedit.consistency.harmonise_by_depth import Surface, harmonise_by_depth
+from gsedit.consistency.harmonise import Surface, harmonise_by_depth
 from gsedit.datasets.dataset import View
 from gsedit.datasets.image_ops import downscale
 from gsedit.datasets.padding import pad_camera, pad_to_multiple

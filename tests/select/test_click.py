@@ -7,6 +7,7 @@ from dataclasses import replace
 import pytest
 import torch
 from playroom import playroom
+from regions_iou import iou
 
 from gsedit.errors import UsageError
 from gsedit.objects import Click, Selector
@@ -30,11 +31,6 @@ def room():
 @pytest.fixture(scope="module")
 def selector(room):
     return Selector(room.scene, room.cameras)
-
-
-def iou(found, true):
-    """Gaussians of both over those of either."""
-    return float((found & true).sum() / (found | true).sum())
 
 
 def shown(room, name, camera):
