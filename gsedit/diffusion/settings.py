@@ -165,22 +165,22 @@ class SamplerSettings:
 
     @property
     def scales(self) -> tuple[float, float]:
-        """(s_T, s_I)."""
+        """(s_T, s_I), with InstructPix2Pix's where they are None."""
         return self._told("guidance_text"), self._told("guidance_image")
 
     @property
     def step_spacing(self) -> Spacing:
-        """The spacing."""
+        """The spacing, with InstructPix2Pix's where it is None."""
         return self._told("spacing")
 
     @property
     def noise_scale(self) -> float:
-        """The temperature."""
+        """The temperature, with InstructPix2Pix's where it is None."""
         return self._told("temperature")
 
     @property
     def consensus_end(self) -> float:
-        """Sigma of t_end."""
+        """Sigma of t_end, with InstructPix2Pix's where it is None."""
         return self._told("t_end")
 
     @property
@@ -190,12 +190,12 @@ class SamplerSettings:
 
     @property
     def step_count(self) -> int:
-        """The steps."""
+        """The steps, with InstructPix2Pix's where they are None."""
         return self._told("steps")
 
     @property
     def method(self) -> Solver:
-        """The solver."""
+        """The solver, with InstructPix2Pix's where it is None."""
         return self._told("solver")
 
 

@@ -264,7 +264,7 @@ torch.serialization.add_safe_globals([Region, Segment, Segments])  # what a reco
 def remembered(
     name: str, scene: Gaussians, cameras: Sequence[Camera], find: Callable[[], Found]
 ) -> Found:
-    """What was found by this name in the scene, or what `find` finds now.
+    """Return the result found by this name in the scene before, or that `find` finds now.
 
     A record is of the scene's numbers, of the cameras, and of the program that looks: it is found
     anew where any of them is another.
