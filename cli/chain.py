@@ -2,7 +2,7 @@
 
 Such a verb is a function of its own options that returns the operation. SCENE, -o, -f, --dry-run
 and the options of every command are added here; a verb whose function has a parameter of one of
-these names (`output`, `files`, `common`) is given its value.
+these names (`output`, `files`) is given its value.
 """
 
 from __future__ import annotations
@@ -18,12 +18,11 @@ import typer
 from gsedit.errors import UsageError
 
 from .core.checkpoints import NAME
-from .core.command import LazyCommand, argument, paragraphs, verb_command, verb_name
+from .core.command import LazyCommand, argument, keyword, parameters_of, verb_command, verb_name
 from .core.console import print_result
 from .core.current import current_scene
 from .core.process import Output, process
-from .options.common import Common, first_scene
-from .options.files import FileOptions
+from .options.common import FileOptions, first_scene
 
 if TYPE_CHECKING:
     from gsedit.toolkit.operation import Operation
@@ -57,7 +56,7 @@ class Target:
     """A file that must not lie in its folder."""
 
 
-SHARED = {"output": Output, "files": FileOptions, "common": Common}
+SHARED = {"output": Output, "files": FileOptions}
 """Option groups of all such verbs, by parameter name."""
 
 
@@ -69,12 +68,6 @@ class Piece:
     operations: tuple[Operation, ...]
     output: Output
     files: FileOptions
-    common: Common
-
-
-def operation_verb(body: Callable[..., Any]) -> OperationCommand:
-    """Make the verb of a function that returns an operation or several."""
-    return OperationCommand(body)
 
 
 def split(args: Iterable[str]) -> list[list[str]]:
@@ -92,9 +85,13 @@ class OperationCommand(LazyCommand):
     """A verb that may be followed by `then` and another one."""
 
     def __init__(self, body: Callable[..., Any]) -> None:
-        summary = paragraphs(body).split("\n")[0]
-        super().__init__(verb_name(body), summary, lambda: verb_command(body, as_first(body)))
-        self.body = body
+        super().__init__(body, lambda: verb_command(body, self.run, [*FIRST, *self.parameters]))
+
+    @property
+    def parameters(self) -> list[inspect.Parameter]:
+        """The verb's own parameters, then those of all such verbs."""
+        own = [each for each in parameters_of(self.body) if each.name not in SHARED]
+        return own + [keyword(name, kind) for name, kind in SHARED.items()]
 
     def make_context(self, name: str, args: list[str], *rest: Any, **options: Any) -> Any:
         """Return the context of the first verb, which holds the verbs behind `then`."""
@@ -103,43 +100,34 @@ class OperationCommand(LazyCommand):
         context.obj = (context.parent.command if context.parent else None, others)
         return context
 
+    def run(self, ctx: typer.Context, scene: Path, **values: Any) -> None:
+        """Run the whole chain that begins with this verb."""
+        group, others = ctx.obj
+        run_chain(scene, [self.piece(**values), *(parse_piece(group, args) for args in others)])
+
     def parse(self, args: list[str]) -> Piece:
         """Return the piece that this verb is in the middle of a command."""
-        command = verb_command(self.body, as_later(self.body))
+        command = verb_command(self.body, self.piece, self.parameters)
         with command.make_context(self.name, args) as context:
             return command.invoke(context)
 
-
-def as_first(body: Callable[..., Any]) -> Callable[..., None]:
-    """Make the first verb of a command, which takes SCENE and runs the whole chain."""
-
-    def verb(ctx: typer.Context, scene: Path, **values: Any) -> None:
-        group, others = ctx.obj
-        run_chain(scene, [as_piece(body, values), *(parse_piece(group, args) for args in others)])
-
-    return _with_parameters(verb, body, ("ctx", typer.Context), ("scene", SceneOrCheckpoint))
-
-
-def as_later(body: Callable[..., Any]) -> Callable[..., Piece]:
-    """Make the verb as it stands behind `then`."""
-
-    def verb(**values: Any) -> Piece:
-        return as_piece(body, values)
-
-    return _with_parameters(verb, body)
+    def piece(self, **values: Any) -> Piece:
+        """Return the piece that the values of the verb's options make."""
+        asked, output = inspect.signature(self.body).parameters, values["output"]
+        made = self.body(**{name: each for name, each in values.items() if name in asked})
+        several = made if isinstance(made, list | tuple) else [made]
+        operations = tuple(each for each in several if not isinstance(each, Target))
+        for each in several:
+            if isinstance(each, Target):
+                output = replace(output, out=one_place(each, output.out))
+        if any(each.moves for each in operations):
+            current_scene.set(None)  # the cameras beside it do not fit it any more
+        name = verb_name(self.body)
+        return Piece(name, operations, output, values["files"])
 
 
-def as_piece(body: Callable[..., Any], values: dict[str, Any]) -> Piece:
-    asked, output = inspect.signature(body).parameters, values["output"]
-    made = body(**{name: each for name, each in values.items() if name in asked})
-    several = made if isinstance(made, list | tuple) else [made]
-    operations = tuple(each for each in several if not isinstance(each, Target))
-    for each in several:
-        if isinstance(each, Target):
-            output = replace(output, out=one_place(each, output.out))
-    if any(each.moves for each in operations):
-        current_scene.set(None)  # the cameras beside it do not fit it any more
-    return Piece(verb_name(body), operations, output, values["files"], values["common"])
+FIRST = (keyword("ctx", typer.Context), keyword("scene", SceneOrCheckpoint))
+"""Parameters of the first verb of a command."""
 
 
 def one_place(target: Target, out: Path | None) -> Path | None:
@@ -172,8 +160,6 @@ def run_chain(scene: Path, pieces: list[Piece]) -> None:
         raise UsageError(f"one command writes one scene, not {' and '.join(outs)}: give one -o")
     output = _merged(Output, [p.output for p in pieces])
     files = _merged(FileOptions, [p.files for p in pieces])
-    common = _merged(Common, [p.common for p in pieces])
-    common.apply()
     steps = [(p.verb, each) for p in pieces for each in p.operations]
     for i, (verb, each) in enumerate(steps):
         steps[i] = verb, each.at(scene)
@@ -187,7 +173,7 @@ def run_chain(scene: Path, pieces: list[Piece]) -> None:
         "steps": [{"verb": v, "before": k.before, "after": k.after} for v, k in kept[:-1]],
     }
     text = str(written) if written else "nothing was written (--dry-run)"
-    print_result(record, text, as_json=common.json)
+    print_result(record, text)
 
 
 def _merged(kind: type, records: list[Any]) -> Any:
@@ -197,21 +183,3 @@ def _merged(kind: type, records: list[Any]) -> Any:
         given = [getattr(r, field.name) for r in records if getattr(r, field.name) != field.default]
         values[field.name] = given[-1] if given else field.default
     return kind(**values)
-
-
-def _with_parameters(
-    verb: Callable[..., Any], body: Callable[..., Any], *first: tuple[str, Any]
-) -> Callable[..., Any]:
-    """Give `verb` the options of `body`, between `first` and the options of all such verbs."""
-    kind = inspect.Parameter.KEYWORD_ONLY
-    leading = [inspect.Parameter(name, kind, annotation=a) for name, a in first]
-    own = [
-        # evaluated here: the operation that the body returns is not imported yet
-        each.replace(kind=kind, annotation=eval(each.annotation, body.__globals__))
-        for each in inspect.signature(body).parameters.values()
-        if each.name not in SHARED
-    ]
-    shared = [inspect.Parameter(name, kind, annotation=a) for name, a in SHARED.items()]
-    verb.__signature__ = inspect.Signature([*leading, *own, *shared])  # pyright: ignore[reportFunctionMemberAccess]
-    verb.__name__, verb.__doc__ = body.__name__, body.__doc__
-    return verb

@@ -13,56 +13,41 @@ import typer
 from typer.core import TyperGroup
 from typer.main import get_command
 
-from .chain import THEN, operation_verb
-from .core.command import LazyCommand, lazy_verb, paragraphs
-from .core.console import print_json, print_message
+from .chain import THEN, OperationCommand
+from .core.command import SET, LazyCommand, paragraphs, verb_name
+from .core.console import as_json, print_json, print_message
 from .core.exits import FAILED, OK, USAGE, Interrupted, explain, one_line
 from .core.ranks import cause, end, leave, meet
-from .verbs.align import align
 from .verbs.app import app as app_verb
-from .verbs.bench import bench
-from .verbs.bend import bend
+from .verbs.bench import bench, bench_
 from .verbs.capture import capture
-from .verbs.clean import clean
-from .verbs.convert import convert
-from .verbs.decimate import decimate
-from .verbs.diff import diff
 from .verbs.doctor import doctor
 from .verbs.edit import edit
-from .verbs.filter import filter_
 from .verbs.fit import fit
-from .verbs.info import info
 from .verbs.list import list_
+from .verbs.looking import diff, info, measure, mesh
 from .verbs.make import make
 from .verbs.mcp import mcp
-from .verbs.measure import measure
-from .verbs.merge import merge
-from .verbs.mesh import mesh
 from .verbs.metrics import metrics
-from .verbs.recolor import recolor
+from .verbs.moves import align, bend, transform
+from .verbs.operations import clean, convert, decimate, filter_, merge, recolor
 from .verbs.render import render
 from .verbs.select import select
 from .verbs.style import style
-from .verbs.transform import transform
 from .verbs.view import view
 
-EDITING = (app_verb, edit, make, style)
-CAPTURING = (capture, fit)
 SENTENCES = ("edit", "make")
 """Verbs that take a sentence, which a shell splits where it is not in quotes."""
-LOOKING = (info, select, view, render, mesh, measure, diff, metrics)
-CHANGING = (
-    convert, filter_, clean, decimate, merge, transform, bend, align, recolor,
-)  # fmt: skip
-"""Verbs that change a scene, and can follow each other in one command."""
-
-
-def in_panel(command: LazyCommand, panel: str) -> LazyCommand:
-    """Put a verb under a heading of `gsedit --help`."""
-    command.rich_help_panel = panel
-    return command
-
-
+CHANGING = f"Change a scene (chain verbs with the word {THEN})"
+"""Heading of the verbs that can follow each other in one command."""
+PANELS = {
+    "Edit from a sentence or a picture": (app_verb, edit, make, style),
+    "Make a scene from photos": (capture, fit),
+    "Look and measure": (info, select, view, render, mesh, measure, diff, metrics),
+    CHANGING: (convert, filter_, clean, decimate, merge, transform, bend, align, recolor),
+    "Help": (list_, doctor, mcp, bench_),
+}
+"""The verbs under their headings in `gsedit --help`."""
 COMPLETION = "_GSEDIT_COMPLETE"
 """Variable by which a shell asks for completions (docs/howto/install.md)."""
 
@@ -72,34 +57,24 @@ class Verbs(TyperGroup):
 
     def __init__(self, **attributes: Any) -> None:
         super().__init__(**attributes)
-        panels = {
-            "Edit from a sentence or a picture": map(lazy_verb, EDITING),
-            "Make a scene from photos": map(lazy_verb, CAPTURING),
-            "Look and measure": map(lazy_verb, LOOKING),
-            f"Change a scene (chain verbs with the word {THEN})": map(operation_verb, CHANGING),
-            "Help": (
-                lazy_verb(list_),
-                lazy_verb(doctor),
-                lazy_verb(mcp),
-                LazyCommand("bench", "Measure gsedit on this machine.", lambda: get_command(bench)),
-            ),
-        }
-        for panel, commands in panels.items():
-            for command in commands:
-                self.add_command(in_panel(command, panel))
+        for panel, bodies in PANELS.items():
+            for body in bodies:
+                command = OperationCommand(body) if panel == CHANGING else LazyCommand(body)
+                if body is bench_:  # a group
+                    command.make = lambda: get_command(bench)
+                self.add_command(command)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write the verbs, a line each, by panel."""
-        panels: dict[str, list[tuple[str, str]]] = {}
-        for name, command in self.commands.items():
-            panel = command.rich_help_panel  # pyright: ignore[reportAttributeAccessIssue]
-            panels.setdefault(panel, []).append((name, command.help or ""))
-        for panel, verbs in panels.items():
+        for panel, bodies in PANELS.items():
+            commands = [self.commands[verb_name(body)] for body in bodies]
             with formatter.section(panel):
-                formatter.write_dl(verbs, col_max=12)
+                rows = [(str(each.name), each.help or "") for each in commands]
+                formatter.write_dl(rows, col_max=12)
 
     def main(self, args: Any = None, *rest: Any, **options: Any) -> Any:
         arguments = sys.argv[1:] if args is None else list(args)
+        token = as_json.set(False)
         try:
             # not standalone: typer would print its own boxes and tracebacks
             code = super().main(arguments, *rest, **{**options, "standalone_mode": False})
@@ -108,6 +83,8 @@ class Verbs(TyperGroup):
             code = FAILED
         except Exception as error:
             code = self.end(cause(error), arguments)
+        finally:
+            as_json.reset(token)
         end(code or OK)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
@@ -144,6 +121,7 @@ class Verbs(TyperGroup):
             verb = error.ctx.command_path if getattr(error, "ctx", None) else "gsedit"
             # pydantic, which typer checks values with, begins its messages with "Value error, "
             message = one_line(error.format_message()).replace("Value error, ", "")
+            message = message.replace(SET, "--set ")
             if getattr(error, "option_name", "") == "--compile":
                 message += " The compiled kernel is the default; --kernel torch does without it"
             if message.startswith("Got unexpected extra arg") and verb.split()[-1] in SENTENCES:

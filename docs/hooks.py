@@ -71,8 +71,8 @@ def command_line() -> str:
         "# Command line",
         "",
         "Generated from the code. `gsedit VERB --help` shows the options that most users need, and "
-        "`--help-all` all of them, as here. Every verb has `--help`, `--help-all`, and `--set "
-        "NAME=VALUE`, which gives any option a value.",
+        "`--help-all` all that have a flag, as here. Every verb has `--help`, `--help-all`, and "
+        "`--set NAME=VALUE`, which gives any option or [setting](settings.md) a value.",
     ]
     for name, command in _walk(group, "gsedit"):
         usage = " ".join(command.collect_usage_pieces(typer.Context(command, info_name=name)))
@@ -97,7 +97,8 @@ def _option_rows(command: Any) -> Iterator[str]:
     """Yield a row of a table for each argument and option."""
     context = typer.Context(command)
     for option in command.get_params(context):
-        if {"--help", "--help-all", "--set"} & {*option.opts}:
+        is_set = option.opts[0].startswith("--set.")
+        if is_set or {"--help", "--help-all", "--set"} & {*option.opts}:
             continue
         names = ", ".join((*option.opts, *option.secondary_opts))
         is_flag = getattr(option, "is_flag", False)

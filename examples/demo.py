@@ -21,7 +21,7 @@ def demo(folder: Path, count: int = 30_000, size: int = 256) -> None:
     gsedit.save(scene, source, overwrite=True)
     request = ["edit", str(source), INSTRUCTION, "-o", str(folder), "--size", str(size)]
     # z is up here; take all rounds, so that every small part is seen
-    app([*request, "--up", "z", "--coverage", "1", "--force"])
+    app([*request, "--up", "z", "--set", "coverage=1", "--force"])
 
 
 if __name__ == "__main__":

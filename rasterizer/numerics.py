@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal, get_args
 
 SH_DC = 0.28209479177387814
@@ -81,7 +81,7 @@ class Execution:
     cull: Literal["ellipse", "box"] = "ellipse"
     """A tile lists the splats whose ellipse touches it, or all whose bounding box does (more of
     them, and the same picture)."""
-    kernel: Kernel = "auto"
+    kernel: Kernel = field(default="auto", metadata={"flag": "--kernel"})
     """Renderer: a C++ kernel, compiled once per machine, or torch. They are equal within
     rounding. auto: the kernel, which is faster, where a C++ compiler is found."""
 

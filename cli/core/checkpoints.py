@@ -6,12 +6,12 @@ from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 from gsedit.errors import GseditError, UsageError
 from gsedit.storage.atomic import locked
 
-from .command import flag
+from .command import option
 from .console import print_message
 from .exits import Interrupted
 from .ranks import broadcast_state
@@ -24,14 +24,16 @@ if TYPE_CHECKING:
 NAME = "checkpoint.safetensors"
 """Name of the checkpoint in the folder of an edit."""
 
-Resume = Annotated[
-    bool,
-    flag(
-        "--resume",
-        "Continue an interrupted run of this command from its last checkpoint; begin where there "
-        "is none.",
-    ),
-]
+
+@dataclass(frozen=True)
+class Resumes:
+    """Options of a verb whose long work can be continued."""
+
+    force: bool = option(False, flags="--force -f")
+    """Replace files that exist at the output."""
+    resume: bool = option(False)
+    """Continue an interrupted run of this command from its last checkpoint; begin where there is
+    none."""
 
 
 @dataclass

@@ -7,12 +7,15 @@ from __future__ import annotations
 
 import json
 import re
+from contextvars import ContextVar
 from typing import Any
 
 import typer
 
 from .ranks import is_first
 
+as_json: ContextVar[bool] = ContextVar("as_json", default=False)
+"""Whether the command that runs prints JSON lines: --json."""
 _CONTROL = re.compile("[\0-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
 """Characters that a terminal obeys instead of showing: all control characters but tabs and line
 ends, and those that turn the direction of writing."""
@@ -30,9 +33,9 @@ def print_message(text: str) -> None:
         typer.echo(shown(text), err=True)
 
 
-def print_result(record: dict[str, Any], text: str, *, as_json: bool) -> None:
-    """Print the result of a verb on stdout: `record` as a JSON line, or else `text`."""
-    if as_json:
+def print_result(record: dict[str, Any], text: str) -> None:
+    """Print the result of a verb on stdout: with --json `record` as a JSON line, else `text`."""
+    if as_json.get():
         print_json("result", record)
     elif is_first():
         typer.echo(shown(text))

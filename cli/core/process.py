@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 from gsedit.errors import UsageError
 
-from ..options.common import DropInvalid, Force
+from ..options.common import FileOptions, Reads, Writes
 from .checkpoints import open_checkpoint
-from .command import option, output
+from .command import option
 from .console import print_message
 from .outputs import check_file
 
@@ -21,20 +21,18 @@ if TYPE_CHECKING:
     from gsedit.formats.validity import Guard
     from gsedit.toolkit.operation import Operation, RowCounts
 
-    from ..options.files import FileOptions
-
 CHECKPOINT = ".safetensors"
 """Suffix of the checkpoint of an edit or a fit."""
 
 
 @dataclass(frozen=True)
-class Output:
+class Output(Reads, Writes):
     """Options that say where the scene goes."""
 
-    out: Path | None = output(None, "Scene to write; its suffix is the format.")
-    force: Force = False
-    dry_run: bool = option(False, "Only count what would be kept; write nothing.")
-    drop_invalid: DropInvalid = False
+    out: Path | None = option(None, "PATH", flags="--output -o")
+    """Scene to write; its suffix is the format."""
+    dry_run: bool = option(False)
+    """Only count what would be kept; write nothing."""
 
 
 def process(

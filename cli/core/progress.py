@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from gsedit.measures.decibels import psnr_from_rmse
 from gsedit.runs.stopwatch import Stopwatch
 
-from .console import print_json, print_message, shown
+from .console import as_json, print_json, print_message, shown
 
 if TYPE_CHECKING:
     from rich.progress import ProgressColumn
@@ -27,9 +27,9 @@ LINE_INTERVAL = 10.0
 
 
 @contextmanager
-def progress(*, as_json: bool) -> Iterator[Show]:
+def progress() -> Iterator[Show]:
     """Yield a function that shows events: as JSON lines, bars on a terminal, or plain lines."""
-    if as_json:
+    if as_json.get():
         yield _print_as_json
     elif sys.stderr.isatty() and NOTEBOOK not in os.environ:
         with _bars() as show:
@@ -39,12 +39,12 @@ def progress(*, as_json: bool) -> Iterator[Show]:
 
 
 @contextmanager
-def counting(stage: str, *, as_json: bool) -> Iterator[Callable[[int, int], None]]:
+def counting(stage: str) -> Iterator[Callable[[int, int], None]]:
     """Yield a function that shows how many steps of a stage are done, and their number."""
     from gsedit.runs.events import Event
 
     watch = Stopwatch()
-    with progress(as_json=as_json) as show:
+    with progress() as show:
         yield lambda done, total: show(Event(stage, watch.seconds, done, total))
 
 

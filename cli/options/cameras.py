@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 from gsedit.errors import UsageError
-from rasterizer.numerics import Execution
+from rasterizer.numerics import AUTO, Execution
 
-from ..core.command import flag
+from ..core.command import option
 from ..core.console import print_message
-from .common import Data, Size
-from .numbers import numbers
+from .common import Data, numbers
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -24,50 +23,26 @@ if TYPE_CHECKING:
     from rasterizer.camera import Camera
     from rasterizer.scene import Gaussians
 
+FOUND_VIEWS = 24
+"""Views that are found for a scene without cameras, whose pixels --at names in every verb."""
 VIEW_PIXELS = 256
 """Longer side of views where --size is not given."""
 CHECKED_FOUND_VIEWS = 8
 """Found views of which a small render tells whether they show anything."""
 
-Up = Annotated[
-    str | None,
-    flag(
-        "--up",
-        "World axis that points up: x, -x, y, -y, z or -z. Cameras beside the scene are then "
-        "ignored.",
-        "AXIS",
-        show_default="from the ground that views see, else -y",
-    ),
-]
-LookAt = Annotated[
-    str | None,
-    flag(
-        "--look-at",
-        "Point that the views look at. Cameras beside the scene are then ignored.",
-        "X,Y,Z",
-        show_default="found",
-    ),
-]
-From = Annotated[
-    str | None,
-    flag(
-        "--from",
-        "Point that the views are taken from, or from beside it. Cameras beside the scene are "
-        "then ignored.",
-        "X,Y,Z",
-        show_default="found",
-    ),
-]
-
 
 @dataclass(frozen=True)
-class Placing:
+class Placing(Data):
     """Cameras of a capture, or points and an axis that place cameras."""
 
-    data: Data = None
-    up: Up = None
-    look_at: LookAt = None
-    eye: From = None
+    up: str | None = option(None, "AXIS")
+    """World axis that points up: x, -x, y, -y, z or -z. Cameras beside the scene are then ignored.
+    None: from the ground that views see, else -y."""
+    look_at: str | None = option(None, "X,Y,Z")
+    """Point that the views look at. Cameras beside the scene are then ignored. None: found."""
+    eye: str | None = option(None, "X,Y,Z", flags="--from")
+    """Point that the views are taken from, or from beside it. Cameras beside the scene are then
+    ignored. None: found."""
 
     @property
     def placed(self) -> bool:
@@ -87,7 +62,8 @@ class Placing:
 class ViewOptions(Placing):
     """The cameras of a verb that needs several."""
 
-    size: Size = None
+    size: int | None = option(None, "PIXELS", min=16)
+    """Longer side of the views. None: 256."""
 
     @property
     def pixels(self) -> int:
@@ -128,16 +104,6 @@ def load_photos(data: Path, size: int, scene: Path | None) -> Dataset:
     return photos if scene is None else in_export_frame(photos, data, scene)
 
 
-def framed_alike(dataset: Dataset) -> Dataset:
-    """Return the views at one size, and print a line where they had several."""
-    from gsedit.datasets.lazy_views import of_one_size
-
-    framed = of_one_size(dataset)
-    if framed is not dataset:
-        print_message(framed.notes[-1])
-    return framed
-
-
 def say_if_smaller(photos: Dataset, size: int) -> None:
     """Print a line where all photos are smaller than the requested size."""
     width, height = max(((v.camera.width, v.camera.height) for v in photos.views), key=max)
@@ -170,13 +136,16 @@ def load_views(
 
     The path is None for a scene that is no longer as its file has it.
     """
-    from gsedit.cameras.around import FOUND_VIEWS
-
-    return resolve_cameras(path, scene, options, FOUND_VIEWS, execution).dataset(scene, execution)
+    resolved = resolve_cameras(path, scene, options, execution=execution)
+    return resolved.dataset(scene, execution)
 
 
 def resolve_cameras(
-    path: Path | None, scene: Gaussians, options: ViewOptions, count: int, execution: Execution
+    path: Path | None,
+    scene: Gaussians,
+    options: ViewOptions,
+    count: int = FOUND_VIEWS,
+    execution: Execution = AUTO,
 ) -> ResolvedCameras:
     """Return the cameras of --data, or those recorded beside the scene, or else `count` found."""
     from gsedit.cameras.around import find_viewpoints

@@ -1,30 +1,24 @@
-"""Options that most verbs share, and the scenes that they name."""
+"""Options that most verbs share, the scenes that they name, and numbers in the text of options."""
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from gsedit.errors import UsageError
 from rasterizer.numerics import DEFAULT, Numerics
 
-from ..core.command import argument, flag, option
+from ..core.command import argument, option
 from ..core.console import print_message
 from ..core.current import current_scene
 
 if TYPE_CHECKING:
-    import torch
-
     from gsedit.formats.scenes import SceneFile
+    from gsedit.formats.streams import ReadOptions, WriteOptions
+    from gsedit.measures.features import FeatureExtractor
     from rasterizer.scene import Gaussians
-
-
-MOST_THREADS = 1024
-"""Most threads that may be asked for: each takes memory, and no machine has more cores."""
-LARGEST_SEED = (1 << 32) - 1
-"""Largest --seed: torch and numpy take it."""
 
 
 def first_scene(path: Path) -> Path:
@@ -52,55 +46,71 @@ Scene = Annotated[
         "SCENE", "A Gaussian splat scene (.ply), or the folder of an edit.", callback=first_scene
     ),
 ]
-Data = Annotated[
-    Path | None,
-    flag("--data", "Folder of posed photos: nerfstudio (transforms.json) or COLMAP.", "DATASET"),
-]
-Size = Annotated[
-    int | None,
-    flag("--size", "Longer side of the views.", "PIXELS", min=16, show_default="256"),
-]
-DropInvalid = Annotated[
-    bool, flag("--drop-invalid", "Skip Gaussians with NaN or Inf instead of refusing the file.")
-]
-Force = Annotated[bool, flag("--force -f", "Replace files that exist at the output.")]
 
 
 @dataclass(frozen=True)
-class Common:
-    """Options of every verb."""
+class Reads:
+    """Option of every verb that reads a scene."""
 
-    json: bool = option(False, "Print results and events as JSON lines on stdout.")
-    debug: bool = option(False, "Show the traceback of an error.")
-    threads: int | None = option(
-        None, "CPU threads to use.", min=1, max=MOST_THREADS, show_default="torch's choice"
-    )
-
-    def apply(self) -> None:
-        """Set the number of threads, of torch and of programs that are started, for good."""
-        if self.threads:
-            import torch
-
-            os.environ["OMP_NUM_THREADS"] = str(self.threads)
-            torch.set_num_threads(self.threads)
+    drop_invalid: bool = option(False)
+    """Skip Gaussians with NaN or Inf instead of refusing the file."""
 
 
 @dataclass(frozen=True)
-class Seeded(Common):
-    """Options of every verb that draws random numbers."""
+class Writes:
+    """Option of every verb that writes a file."""
 
-    seed: int = option(
-        0,
-        "Seed of the random numbers. Equal seeds and threads give equal results.",
-        min=0,
-        max=LARGEST_SEED,
-    )
+    force: bool = option(False, flags="--force -f")
+    """Replace files that exist at the output."""
 
-    def generator(self) -> torch.Generator:
-        """The only source of random numbers of a command."""
-        import torch
 
-        return torch.Generator().manual_seed(self.seed)
+@dataclass(frozen=True)
+class Data:
+    """Option of every verb that looks through the cameras of photos."""
+
+    data: Path | None = option(None, "DATASET")
+    """Folder of posed photos: nerfstudio (transforms.json) or COLMAP."""
+
+
+@dataclass(frozen=True)
+class FileOptions:
+    """How files are read and written, where the format leaves a choice."""
+
+    spz_frame: Literal["rub", "rdf"] = option("rub")
+    """Axes of an .spz that names none: rub (its specification), or rdf."""
+    spz_version: int = option(3, flags=None, min=3, max=4)
+    """Version of the .spz to write."""
+    samples: int = option(100000, min=1)
+    """Gaussians on the surface of a mesh that is read."""
+
+    def read(self) -> ReadOptions:
+        from gsedit.formats.streams import ReadOptions
+
+        return ReadOptions(spz_frame=self.spz_frame, samples=self.samples)
+
+    def write(self, out: Path) -> WriteOptions:
+        """Return the options for a scene at `out`; what its format rounds more than usual is
+        printed."""
+        from gsedit.formats.streams import WriteOptions
+
+        return WriteOptions(
+            spz_version=self.spz_version,
+            spz_frame=self.spz_frame,
+            say=lambda text: print_message(f"{out}: {text}"),
+        )
+
+
+def numbers(flag: str, text: str, *counts: int) -> list[float]:
+    """Read finite numbers separated by commas, one of `counts` of them. Raises UsageError."""
+    try:
+        found = [float(part) for part in text.split(",")]
+    except ValueError:
+        found = []
+    if len(found) not in counts or not all(map(isfinite, found)):
+        one = counts == (1,)
+        many = "a finite number" if one else f"{' or '.join(map(str, counts))} finite numbers"
+        raise UsageError(f"{flag} {text}: give {many}{'' if one else ' separated by commas'}")
+    return found
 
 
 def numerics_of(file: SceneFile | None, name: Path | None) -> Numerics:
@@ -124,3 +134,19 @@ def load_file(path: Path, *, drop_invalid: bool) -> SceneFile:
     for note in file.notes:
         print_message(f"{path}: {note}")
     return file
+
+
+def load_features(name: str) -> FeatureExtractor:
+    """Load the features under the Gram loss. Raises UsageError, InputError."""
+    if name == "filters":
+        from gsedit.measures.features import FilterBank
+
+        return FilterBank()
+    if name == "vgg":
+        from gsedit.measures.perceptual import vgg_features
+
+        return vgg_features()
+    from gsedit.measures.features import with_equal_energy
+    from gsedit.measures.perceptual import Vgg16
+
+    return with_equal_energy(Vgg16(name))

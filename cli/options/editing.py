@@ -1,9 +1,10 @@
-"""Options of `gsedit edit`: the 2D editor's, the strategies', and those of the settings record."""
+"""Options of `gsedit edit`, its sentence and its views."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -12,17 +13,22 @@ import typer
 
 from gsedit.errors import UsageError
 
-from ..core.command import option
+from ..core.command import Setting, Values, option, settings_of, with_values
 from ..core.console import print_message
-from .settings import Layout, Setting, Values, choices_text, settings_of, with_values
+from .cameras import ViewOptions, resolve_cameras
+from .selection import MaskOptions
 
 if TYPE_CHECKING:
     from gsedit.diffusion.settings import Precision
     from gsedit.editors import Editor
     from gsedit.paper.actions import Strategy
-    from gsedit.paper.settings import EditSettings, Preset
+    from gsedit.paper.request import Views
+    from gsedit.paper.settings import EditSettings
+    from gsedit.select.finder import Names
+    from gsedit.words.instruction import Instruction
+    from rasterizer.numerics import Execution
+    from rasterizer.scene import Gaussians
 
-EDITOR, STRATEGY, SAMPLING, UPDATE = "2D editor", "Strategy", "Sampling", "Scene update"
 STEPS = {
     ("update", "patches"),
     ("update", "patch"),
@@ -30,51 +36,33 @@ STEPS = {
     ("strategy", "steps_between"),
 }
 """Settings of steps on crops."""
-LAYOUT = Layout(UPDATE, panels={"sampler": SAMPLING, "update": UPDATE, "execution": "Rendering"})
-
 AUTO = "auto"
 """Name that leaves the choice of the editor to gsedit."""
+OBJECTS = "objects.png"
+"""Picture of the numbers of objects, where a sentence may mean several."""
 
 
 @dataclass(frozen=True)
 class EditorOptions:
     """Options of the 2D editor that follows the instruction."""
 
-    editor: str = option(
-        AUTO,
-        "2D editor (see gsedit list editors). auto: tone, paint, materials, light and weather "
-        "on the scene itself, small for the rest.",
-        "NAME",
-    )
-    model: str | None = option(
-        None,
-        "pix2pix, diffusers: a folder of weights, or a Hugging Face id.",
-    )
-    weights_dir: Path | None = option(
-        None, "pix2pix, diffusers: folder where downloaded weights are kept."
-    )
-    yes: bool = option(
-        False, "pix2pix, diffusers: download what --model names without being asked."
-    )
-    runtime: str | None = option(
-        None,
-        "pix2pix, diffusers: who computes the networks. auto: openvino where it is installed, "
-        "measured faster, and as exact; its networks are kept in the cache folder.",
-        "torch|openvino|auto",
-        show_default="auto",
-    )
-    run: str | None = option(
-        None,
-        'command: the program to run, as in "my_editor {input} {output} {prompt}". It must '
-        "write to the folder {output} a PNG for each PNG in {input}. No shell is involved.",
-        "COMMAND",
-    )
-    timeout: float | None = option(
-        None,
-        "command: seconds that the program may take for the views of a batch.",
-        "SECONDS",
-        show_default="no limit",
-    )
+    editor: str = option(AUTO, "NAME")
+    """2D editor (see gsedit list editors). auto: tone, paint, materials, light and weather on the
+    scene itself, small for the rest."""
+    model: str | None = option()
+    """pix2pix, diffusers: a folder of weights, or a Hugging Face id."""
+    weights_dir: Path | None = option()
+    """pix2pix, diffusers: folder where downloaded weights are kept."""
+    yes: bool = option(False)
+    """pix2pix, diffusers: download what --model names without being asked."""
+    runtime: str | None = option(None, "torch|openvino|auto")
+    """pix2pix, diffusers: who computes the networks. auto: openvino where it is installed, measured
+    faster, and as exact; its networks are kept in the cache folder. None: auto."""
+    run: str | None = option(None, "COMMAND")
+    """command: the program to run, as in "my_editor {input} {output} {prompt}". It must write to
+    the folder {output} a PNG for each PNG in {input}. No shell is involved."""
+    timeout: float | None = option(None, "SECONDS")
+    """command: seconds that the program may take for the views of a batch. None: no limit."""
 
     def settled(self) -> EditorOptions:
         """Return the options with the default editor where gsedit may choose one."""
@@ -130,109 +118,168 @@ def at_size(settings: EditSettings, editor: Editor, size: int | None) -> EditSet
     return replace(settings, edit_size=min(size, made_for))
 
 
-def edit_settings(own: Iterable[str] = ()) -> list[Setting]:
+def edit_settings() -> list[Setting]:
     """Return every option that comes from a field of EditSettings or of a strategy.
 
-    `own`: the flags of the verb's other options. Raises TypeError as `strategy_options` does.
+    Raises TypeError where strategies have fields of one name and different types.
     """
     from gsedit.paper.settings import EditSettings
     from gsedit.paper.strategies import DEFAULT, find_strategy, strategy_names
 
     strategies = {name: find_strategy(name) for name in strategy_names()}
-    choice = Setting(
-        path=("strategy",),
-        flag="--strategy",
-        type=Literal[tuple(strategies)],
-        meaning="When views are edited and when the scene is fitted to them "
-        "(docs/concepts/strategies.md).",
-        default=DEFAULT,
-        panel=STRATEGY,
+    meaning = (
+        "When views are edited and when the scene is fitted to them (docs/concepts/strategies.md)."
     )
-    own = {*own, "--strategy"}
-    shared = settings_of(EditSettings(), LAYOUT, taken=own)
-    taken = {*own, *(setting.flag for setting in shared)}
-    return [choice, *strategy_options(strategies, taken), *shared]
+    kind = Literal[tuple(strategies)]
+    choice = Setting(("strategy",), ("--strategy",), kind, meaning, DEFAULT)
+    return [choice, *strategy_settings(strategies), *settings_of(EditSettings())]
 
 
-def strategy_options(strategies: dict[str, type[Strategy]], taken: Iterable[str]) -> list[Setting]:
-    """Return an option for each field of any strategy; its help names the strategies with it.
-
-    A field whose flag is `taken` gets the prefix `--strategy-`. Raises TypeError where strategies
-    share a flag but not the field's name and type.
-    """
+def strategy_settings(strategies: dict[str, type[Strategy]]) -> list[Setting]:
+    """Return an option for each field of any strategy; its help names the strategies with it."""
     options: dict[str, Setting] = {}
     owners: dict[str, list[str]] = {}
     for name, strategy in strategies.items():
-        for setting in settings_of(strategy(), Layout(STRATEGY), ("strategy",), taken):
-            owners.setdefault(setting.flag, []).append(name)
-            earlier = options.get(setting.flag, setting)
-            check_same_field(earlier, setting, name)
+        for setting in settings_of(strategy(), ("strategy",)):
+            owners.setdefault(setting.name, []).append(name)
+            earlier = options.get(setting.name, setting)
+            if earlier.type != setting.type:
+                raise TypeError(
+                    f"{'.'.join(setting.path)} of {' and '.join(owners[setting.name])} is a "
+                    f"{setting.type} and a {earlier.type}: give the field another name"
+                )
             negatable = setting.negatable or earlier.negatable
             default = setting.default if setting.default == earlier.default else "by strategy"
-            options[setting.flag] = replace(earlier, negatable=negatable, default=default)
+            options[setting.name] = replace(earlier, negatable=negatable, default=default)
     return [
-        replace(setting, meaning=f"{setting.meaning} Of {', '.join(owners[setting.flag])}.")
-        for setting in options.values()
+        replace(each, meaning=f"{each.meaning} Of {', '.join(owners[name])}.")
+        for name, each in options.items()
     ]
 
 
-def check_same_field(earlier: Setting, setting: Setting, name: str) -> None:
-    """Raise TypeError unless two strategies, the later one `name`, mean the same by a flag."""
-    if earlier.path != setting.path or earlier.type != setting.type:
-        raise TypeError(
-            f"{setting.flag} of the strategy {name} is {describe(setting)}, and "
-            f"{describe(earlier)} of a strategy before it: give the field another name, or another "
-            "flag in its metadata"
-        )
-
-
-def describe(setting: Setting) -> str:
-    return f"{setting.path[-1]} ({choices_text(setting.type) or setting.type.__name__})"
-
-
-def resolve(preset: str, values: Values, own: Iterable[str] = ()) -> tuple[EditSettings, Strategy]:
+def resolve(preset: str, values: Values) -> tuple[EditSettings, Strategy]:
     """Return the settings and the strategy: values of the preset, replaced by given ones.
 
-    `own`: the flags of the verb's other options, which decide those that an error message names.
-    Raises UsageError for a value out of range, and an option that another strategy has.
+    Raises UsageError for a value out of range, and a setting that another strategy has.
     """
     from gsedit.paper.settings import find_preset
+    from gsedit.paper.strategies import DEFAULT, find_strategy, strategy_names
 
+    named, name = find_preset(preset), values.get(("strategy",), DEFAULT)
     shared = {path: value for path, value in values.items() if path[0] != "strategy"}
-    chosen = {
-        path[1:]: value for path, value in values.items() if path[0] == "strategy" and path[1:]
-    }
-    named = find_preset(preset)
-    strategy = make_strategy(values.get(("strategy",)), chosen, own, named)
+    own = {path: value for path, value in values.items() if path[0] == "strategy"}
+    chosen = {path[1:]: value for path, value in own.items() if path[1:]}
+    for (field_name,) in chosen:
+        classes = {each: find_strategy(each) for each in strategy_names()}
+        owners = [each for each, kind in classes.items() if field_name in field_names(kind)]
+        if name not in owners:
+            raise UsageError(
+                f"{field_name} is a setting of the strategy {' and '.join(owners)}, not of {name}: "
+                f"leave it out, or add --strategy {owners[0]}"
+            )
+    strategy = with_values(named.applied_to(find_strategy(name)()), chosen)
     return with_values(named.settings, shared), strategy
 
 
-def idle_options(values: Values, settings: EditSettings, own: Iterable[str]) -> list[str]:
-    """Return the flags that were given and do nothing, since colors are solved for at once."""
+def field_names(record: type) -> set[str]:
+    return {item.name for item in fields(record)}
+
+
+def idle_settings(values: Values, settings: EditSettings) -> list[str]:
+    """Return the settings that were given and do nothing, since colors are solved for at once."""
     from gsedit.paper.strategies import DEFAULT
 
     if not settings.solves or values.get(("strategy",), DEFAULT) != DEFAULT:
         return []
-    return [each.flag for each in edit_settings(own) if each.path in STEPS & values.keys()]
+    return sorted(".".join(path) for path in STEPS & values.keys())
 
 
-def make_strategy(name: str | None, values: Values, own: Iterable[str], preset: Preset) -> Strategy:
-    """Make the strategy of a name, or the default. Raises UsageError for a foreign option."""
-    from gsedit.paper.strategies import DEFAULT, find_strategy, strategy_names
+def asks_editor(editor: EditorOptions, values: Values) -> bool:
+    """Whether an option asks that a 2D editor draws all of a sentence."""
+    from gsedit.editing.plan import HEEDED
 
-    name = name or DEFAULT
-    for path in values:
-        owners = [each for each in strategy_names() if has_field(find_strategy(each), path[0])]
-        if name not in owners:
-            flag = next(
-                each.flag for each in edit_settings(own) if each.path == ("strategy", *path)
-            )
-            raise UsageError(
-                f"{flag} is an option of the strategy {' and '.join(owners)}, not of {name}: "
-                f"leave it out, or add --strategy {owners[0]}"
-            )
-    return with_values(preset.applied_to(find_strategy(name)()), values)
+    return editor != EditorOptions() or any(path[0] not in HEEDED for path in values)
 
 
-def has_field(record: type, name: str) -> bool:
-    return any(item.name == name for item in fields(record))
+def read_sentence(
+    text: str, scene: Path | None = None, *, drawn: bool = False
+) -> tuple[Instruction, ...]:
+    """Return the steps of a sentence, in order; where all is `drawn`, one with the sentence as is.
+
+    Names of the selections that are saved beside the scene are what they were saved for.
+    Raises UsageError for a sentence that is refused, InputError for a file to put in that is none.
+    """
+    from gsedit.editing.plan import read_steps
+    from gsedit.formats.registry import open_scene
+    from gsedit.select.saved import saved_files
+
+    steps = read_steps(text, () if scene is None else tuple(saved_files(scene)), drawn=drawn)
+    for change in (each for step in steps for each in step.changes):
+        if change.name == "insert":
+            open_scene(change.phrase)  # before the long work
+    return steps
+
+
+def names_of(scene: Path, masks: MaskOptions, steps: Sequence[Instruction]) -> Names:
+    """Return what the phrases of a sentence may name: saved selections, and what masks find.
+
+    Raises UsageError for masks that cannot look for a phrase, or that have none to look for.
+    """
+    from gsedit.editing.plan import is_exact
+    from gsedit.select.finder import Names
+    from gsedit.select.saved import saved_files
+    from gsedit.words.phrases import IT
+
+    if not any(map(is_exact, steps)):
+        masks.check_unused()
+    phrases = [each.phrase for step in steps for each in step.changes]
+    told = next((phrase for phrase in phrases if phrase not in ("", IT)), None)
+    if masks.masks is not None and told is None:
+        raise UsageError('--masks finds what a sentence names, as in "remove the chair": say that')
+    return Names(saved_files(scene), masks.make(told))
+
+
+def views_of(
+    path: Path, scene: Gaussians, options: ViewOptions, execution: Execution, *, drawn: bool
+) -> Views:
+    """Return the views of an edit: photos of --data that a 2D editor may be shown, or cameras.
+
+    Of many recorded cameras a 2D editor is shown views from some.
+    """
+    from gsedit.datasets.lazy_views import of_one_size
+    from gsedit.datasets.viewpoints import same_size, that_see, thinned
+
+    resolved = resolve_cameras(path, scene, options, execution=execution)
+    if drawn and resolved.photos is not None:
+        framed = of_one_size(resolved.photos)
+        if framed is not resolved.photos:
+            print_message(framed.notes[-1])
+        return framed
+    viewpoints = same_size(resolved.viewpoints, options.pixels)
+    if not drawn or resolved.found:
+        return viewpoints
+    some = thinned(viewpoints)
+    seeing = that_see(some, scene, execution)
+    if len(seeing) < len(some):
+        print_message(f"{len(some) - len(seeing)} cameras see nothing: they are skipped")
+    return seeing
+
+
+@contextmanager
+def numbered(file: Path, scene: Gaussians, views: Views) -> Iterator[None]:
+    """Draw the numbers of a scene's objects into a file where a sentence may mean several."""
+    from gsedit.datasets.dataset import Dataset
+    from gsedit.datasets.viewpoints import viewpoints_of
+    from gsedit.editing.rivals import SeveralObjects
+    from gsedit.formats.pictures import save_picture
+    from gsedit.pictures.segment_sheet import segment_sheet
+    from gsedit.select.phrase import names
+
+    try:
+        yield
+    except SeveralObjects as error:
+        viewpoints = viewpoints_of(views) if isinstance(views, Dataset) else views
+        sheet = segment_sheet(scene, error.segments, names(error.segments), viewpoints)
+        file.parent.mkdir(parents=True, exist_ok=True)
+        save_picture(sheet, file, overwrite=True)
+        raise UsageError(f"{error}; their numbers are drawn in {file}") from None

@@ -1,50 +1,122 @@
-"""Options that select Gaussians, the same for every verb that acts on a part of a scene."""
+"""Options that select Gaussians: by an expression, a region, a pixel of a view, or words."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 from gsedit.errors import UsageError
 
-from ..core.command import flag, option
+from ..core.command import Values, option
 from ..core.console import print_message
 from ..core.current import current_scene
-from .pointing import finder_in
+from .cameras import ViewOptions, resolve_cameras
 
 if TYPE_CHECKING:
-    from gsedit.select.rules import Selection
+    from jaxtyping import Float
+    from torch import Tensor
 
-Where = Annotated[
-    str | None,
-    flag(
-        "--where",
-        "Select by value, volume, color or view, as in 'opacity > 0.1 and not sphere(0,0,0,1)'. "
-        "docs/howto/select.md lists all forms.",
-        "EXPRESSION",
-    ),
-]
+    from gsedit.select.finder import Finder
+    from gsedit.select.masked import MaskProvider
+    from gsedit.select.region import Region
+    from gsedit.select.rules import Selection
+    from rasterizer.scene import Gaussians
 
 
 @dataclass(frozen=True)
-class SelectionOptions:
+class AtOptions:
+    """The option that chooses a thing by pixels."""
+
+    at: list[str] | None = option(None, "VIEW:X,Y")
+    """Select the object at a pixel, as in frame_00012.jpg:130,80 or 3:130,80; repeatable: the same
+    place again is the part of it there, and then a smaller one. not:VIEW:X,Y takes away what is
+    there. Column and row of the view at --size."""
+
+    def expression(self) -> str:
+        """Return the expression of the places. Raises UsageError for one that is none."""
+        from gsedit.select.where import expression_of_clicks
+
+        return expression_of_clicks(self.at or ())
+
+    def in_place_of_region(self, values: Values) -> Values:
+        """Return the settings of an edit with what is pointed at as their region.
+
+        Raises UsageError for --region beside it, or a place that is none.
+        """
+        if not self.at:
+            return values
+        if ("region",) in values:
+            raise UsageError("--at and --region both say where: leave one out")
+        return {**values, ("region",): self.expression()}
+
+
+@dataclass(frozen=True)
+class PointingOptions(AtOptions):
+    """Options that choose a thing by a pixel or by words."""
+
+    phrase: str | None = option(None, "PHRASE")
+    """Select by words, as in 'the red one', 'second from the left', 'the ground'."""
+    size: int | None = option(None, "PIXELS", min=16)
+    """Longer side of the views that --at counts in. None: 256."""
+
+    @property
+    def given(self) -> bool:
+        """Whether anything was pointed at."""
+        return bool(self.at) or self.phrase is not None
+
+    def check(self) -> None:
+        """Raise UsageError for both ways at once, or a place that is none."""
+        if self.at and self.phrase is not None:
+            raise UsageError("--at and --phrase both name a thing: leave one out")
+        if self.at:
+            self.expression()
+
+    def region(self, finder: Finder) -> Region:
+        """Return what is pointed at. Raises UsageError where that is nothing."""
+        return finder.select(self.expression()) if self.at else finder.named(self.phrase or "")
+
+
+def finder_in(
+    data: Path | None, size: int | None = None, masks: MaskProvider | None = None
+) -> Callable[[Gaussians], Finder]:
+    """Return the maker of a finder of the scene that the command reads, with its views and names.
+
+    Views are those of `data`, of the cameras.json beside the scene, or found ones.
+    """
+
+    def finder(scene: Gaussians) -> Finder:
+        from gsedit.select.finder import Finder, Names
+        from gsedit.select.saved import saved_files
+
+        path = current_scene.get()
+        saved = {} if path is None else saved_files(path)
+        views = resolve_cameras(path, scene, ViewOptions(data, size=size))
+        return Finder(scene, views.viewpoints, names=Names(saved, masks))
+
+    return finder
+
+
+@dataclass(frozen=True)
+class WhereOptions:
+    """The option that selects by an expression."""
+
+    where: str | None = option(None, "EXPRESSION")
+    """Select by value, volume, color or view, as in 'opacity > 0.1 and not sphere(0,0,0,1)'.
+    docs/howto/select.md lists all forms."""
+
+
+@dataclass(frozen=True)
+class SelectionOptions(WhereOptions):
     """Options that select the Gaussians a verb acts on."""
 
-    where: Where = None
-    region: str | None = option(
-        None,
-        "Select a region of gsedit edit: auto (the subject), a saved name, box:X,Y,Z,X,Y,Z, "
-        "sphere:X,Y,Z,R, a .npy file of flags, or masks on photos (.png or a folder).",
-        "REGION",
-    )
-    data: Path | None = option(
-        None,
-        "Cameras for a selection by views: posed photos, or a cameras.json.",
-        "DATASET",
-        show_default="cameras.json beside the scene",
-    )
+    region: str | None = option(None, "REGION")
+    """Select a region of gsedit edit: auto (the subject), a saved name, box:X,Y,Z,X,Y,Z,
+    sphere:X,Y,Z,R, a .npy file of flags, or masks on photos (.png or a folder)."""
+    data: Path | None = option(None, "DATASET")
+    """Cameras for a selection by views: posed photos, or a cameras.json. None: cameras.json beside
+    the scene."""
 
     @property
     def given(self) -> bool:
@@ -132,3 +204,75 @@ def recorded_cameras(asker: str, data: Path | None) -> Path:
             f"{asker} needs cameras: add --data with the photos' folder or a cameras.json"
         )
     return cameras
+
+
+@dataclass(frozen=True)
+class MaskOptions:
+    """Options of the network or program that finds what --phrase names in pictures."""
+
+    masks: str | None = option(None, "NAME")
+    """Find the phrase in pictures of the scene. command: by a program of yours (--masks-run);
+    clipseg, grounded-sam: by networks of transformers (--masks-model); or a name that a package
+    adds. Without it, by colors, sizes and places alone."""
+    masks_run: str | None = option(None, "COMMAND")
+    """The program of --masks command, as in "my_segmenter {input} {output} {phrase}". It must write
+    to the folder {output} a mask (PNG, white where it is) for each PNG in {input}. No shell is
+    involved."""
+    masks_model: str | None = option(None, "FOLDER")
+    """Folder of CLIPSeg's weights, or of GroundingDINO's for grounded-sam."""
+    masks_sam: str | None = option(None, "FOLDER")
+    """Folder of SAM's weights, for grounded-sam."""
+
+    def check_unused(self) -> None:
+        """Raise UsageError where any is given, for a sentence that a 2D editor draws."""
+        if any(vars(self).values()):
+            raise UsageError(
+                "--masks finds what is changed on the Gaussians, and a 2D editor draws this: save "
+                "what it finds with gsedit select --phrase ... --as NAME, and add --region NAME"
+            )
+
+    def make(self, phrase: str | None) -> MaskProvider | None:
+        """Return the provider, which prints a line a picture; None where none is named.
+
+        Raises UsageError for an option that it does not take, one without --masks, and --masks
+        without a phrase, or with one that it cannot look for.
+        """
+        given = {"run": self.masks_run, "model": self.masks_model, "sam": self.masks_sam}
+        if self.masks is None:
+            for name, value in given.items():
+                if value is not None:
+                    raise UsageError(f"--masks-{name} is for --masks: add its NAME")
+            return None
+        if phrase is None:
+            raise UsageError('--masks looks for a phrase: add --phrase "the chair"')
+        from gsedit.editors import make_masks
+
+        provider = make_masks(self.masks, **given)
+        provider.check(phrase)
+        return Told(provider)
+
+
+@dataclass(frozen=True, eq=False)
+class Told:
+    """A MaskProvider that prints what it does."""
+
+    provider: MaskProvider
+
+    @property
+    def name(self) -> str:
+        """The name of the provider itself."""
+        return self.provider.name
+
+    def check(self, phrase: str) -> None:
+        """Raise UsageError as the provider does."""
+        self.provider.check(phrase)
+
+    def masks(
+        self, pictures: Sequence[Float[Tensor, "_ _ 3"]], phrase: str
+    ) -> Iterator[Float[Tensor, "_ _"]]:
+        """Yield the masks of the provider."""
+        print_message(f"masks: {self.name} looks for {phrase!r} in {len(pictures)} pictures")
+        for number, mask in enumerate(self.provider.masks(pictures, phrase), start=1):
+            share = float((mask > 0.5).float().mean())  # of soft masks, more may count
+            print_message(f"masks: {number}/{len(pictures)} {100 * share:.1f} % of the picture")
+            yield mask

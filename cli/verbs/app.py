@@ -7,15 +7,15 @@ import signal
 import sys
 import webbrowser
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from threading import Event, Timer
 from typing import Annotated
 
 from gsedit.errors import UsageError
 
-from ..core.command import argument, flag, shows
+from ..core.command import argument, option, shows
 from ..core.console import print_message, print_result
-from ..options.common import Common
 
 AFTER_FIRST_PICTURE = 2.0
 """Seconds from the page's start to that of the process for its first command."""
@@ -26,25 +26,23 @@ Opened = Annotated[
 ]
 
 
+@dataclass(frozen=True)
+class AppOptions:
+    """Options of `gsedit app` alone."""
+
+    port: int = option(8080, min=1, max=65535)
+    """Port of the page; the next free one if it is taken."""
+    no_browser: bool = option(False)
+    """Only print the address."""
+    allow: list[Path] | None = option(None, "FOLDER")
+    """Folder that the page may read and write too; repeatable."""
+    host: str = option("127.0.0.1", "ADDRESS")
+    """Address to listen at; another than this machine's own can be reached by whoever has the
+    page's address."""
+
+
 @shows("--port", "--no-browser", "--allow", "--host")
-def app(
-    path: Opened = None,
-    port: Annotated[
-        int, flag("", "Port of the page; the next free one if it is taken.", min=1, max=65535)
-    ] = 8080,
-    no_browser: Annotated[bool, flag("--no-browser", "Only print the address.")] = False,
-    allow: Annotated[
-        list[Path] | None,
-        flag("--allow", "Folder that the page may read and write too; repeatable.", "FOLDER"),
-    ] = None,
-    host: Annotated[
-        str,
-        flag("--host", "Address to listen at; another than this machine's own can be reached by "
-             "whoever has the page's address.", "ADDRESS"),
-    ] = "127.0.0.1",
-    *,
-    common: Common,
-) -> None:  # fmt: skip
+def app(path: Opened = None, *, own: AppOptions) -> None:
     """Edit scenes in the browser: open, point, say, compare, keep.
 
     gsedit app scene.ply
@@ -55,18 +53,15 @@ def app(
     where it was. The page reads and writes below the folder of PATH, or the current one. Ctrl-C
     ends it.
     """
-    common.apply()
     from gsedit.pictures.viewer.libraries import import_viser
 
     import_viser()  # before the long part
     if path is not None and not path.exists():
         raise UsageError(f"{path} does not exist: check the path")
-    run_page(path, [*(allow or [])], host, port, browser=not no_browser, as_json=common.json)
+    run_page(path, own)
 
 
-def run_page(
-    path: Path | None, allowed: list[Path], host: str, port: int, *, browser: bool, as_json: bool
-) -> None:
+def run_page(path: Path | None, own: AppOptions) -> None:
     """Serve the page until Ctrl-C."""
     from gsedit.app.loaded import share_heaps
     from gsedit.app.opening import open_path
@@ -77,17 +72,17 @@ def run_page(
 
     share_heaps()
     given = Path.cwd() if path is None else path.resolve().parent
-    places = Places(tuple(each.resolve() for each in (given, *allowed)))
+    places = Places(tuple(each.resolve() for each in (given, *(own.allow or ()))))
     page = Page(Worker(program_of("gsedit_cli.core.warm")), places)
     try:
         if path is not None:
             open_path(page, path.resolve())
-        with serve(page, host, port) as served:
-            if served.port != port:
-                print_message(f"port {port} is taken: the page is at port {served.port}")
+        with serve(page, own.host, own.port) as served:
+            if served.port != own.port:
+                print_message(f"port {own.port} is taken: the page is at port {served.port}")
             print_message(f"the page is open until Ctrl-C: {served.address}")
-            print_result({"address": served.address}, served.address, as_json=as_json)
-            if browser:
+            print_result({"address": served.address}, served.address)
+            if not own.no_browser:
                 webbrowser.open(served.address)
             start_later(page.warm)
             wait()

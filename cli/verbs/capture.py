@@ -3,20 +3,29 @@
 from __future__ import annotations
 
 import os
-from functools import partial
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING, Annotated
 
 from gsedit.capture.settings import CaptureSettings
 
-from ..core.command import argument, flag, shows
-from ..core.console import print_message, print_result
+from ..core.command import (
+    Seeded,
+    Setting,
+    Settings,
+    Values,
+    argument,
+    option,
+    settings_of,
+    shows,
+    with_values,
+)
+from ..core.console import as_json, print_message, print_result
 from ..core.exits import Interrupted
 from ..core.outputs import check_folder
 from ..core.progress import progress, result_of
-from ..options.common import Force, Seeded
-from ..options.settings import Layout, Setting, SettingsGroup, Values, settings_of, with_values
+from ..options.common import Writes
 
 if TYPE_CHECKING:
     from gsedit.capture.capture import CaptureResult
@@ -31,16 +40,23 @@ Source = Annotated[
 
 def capture_settings() -> list[Setting]:
     """An option for each field of CaptureSettings; --threads and --seed are those of every verb."""
-    return settings_of(CaptureSettings(), Layout("Posing", without=("seed", "threads")))
+    return list(settings_of(CaptureSettings(), without=("seed", "threads")))
+
+
+@dataclass(frozen=True)
+class CaptureOptions(Writes):
+    """Options of `gsedit capture` alone."""
+
+    out: Path = option(..., "PATH", flags="--output -o")
+    """Folder to write, which gsedit fit reads."""
 
 
 @shows("--output", "--frames", "--lens", "--focal", "--mask", "--size", "--force", "--seed")
 def capture(
     photos: Source,
-    out: Annotated[Path, flag("--output -o", "Folder to write: `gsedit fit` reads it.", "PATH")],
-    force: Force = False,
     *,
-    values: Annotated[Values, SettingsGroup(capture_settings)],
+    own: CaptureOptions,
+    values: Annotated[Values, Settings(capture_settings)],
     common: Seeded,
 ) -> None:
     """Find the camera of each photo, for gsedit fit.
@@ -51,11 +67,9 @@ def capture(
     interruption, the same command continues; -f starts again.
     """
     settings = settings_from(values, common)
-    result = run_capture(photos, out, settings, force=force, as_json=common.json)
-    print_capture(result, out)
-    from dataclasses import asdict
-
-    print_result(asdict(result), str(out), as_json=common.json)
+    result = run_capture(photos, own.out, settings, force=own.force)
+    print_capture(result, own.out)
+    print_result(asdict(result), str(own.out))
 
 
 def settings_from(values: Values, common: Seeded) -> CaptureSettings:
@@ -66,7 +80,7 @@ def settings_from(values: Values, common: Seeded) -> CaptureSettings:
 
 
 def run_capture(
-    photos: Path, out: Path, settings: CaptureSettings, *, force: bool, as_json: bool
+    photos: Path, out: Path, settings: CaptureSettings, *, force: bool
 ) -> CaptureResult:
     """Capture with progress on the terminal. Raises Interrupted with what is left of the work."""
     from gsedit.capture import capture as work
@@ -78,8 +92,8 @@ def run_capture(
     if force:
         work.start_anew(out)
     try:
-        with progress(as_json=as_json) as show:
-            handlers = {work.Line: partial(print_line, as_json=as_json), Event: show}
+        with progress() as show:
+            handlers = {work.Line: print_line, Event: show}
             return result_of(work.capture_steps(photos, out, settings), handlers)
     except KeyboardInterrupt:
         raise Interrupted(
@@ -88,9 +102,10 @@ def run_capture(
         ) from None
 
 
-def print_line(line: Line, *, as_json: bool) -> None:
+def print_line(line: Line) -> None:
     """Print a remark; its option for a person alone."""
-    print_message(line.text if as_json or not line.option else f"{line.text} ({line.option})")
+    option = "" if as_json.get() or not line.option else f" ({line.option})"
+    print_message(f"{line.text}{option}")
 
 
 def print_capture(result: CaptureResult, out: Path) -> None:

@@ -8,9 +8,8 @@ from typing import Annotated
 import typer
 
 from ..core.command import argument
-from ..core.console import print_message, print_result
+from ..core.console import as_json, print_message, print_result
 from ..core.exits import UNREADABLE
-from ..options.common import Common
 
 Model = Annotated[
     str | None,
@@ -20,8 +19,6 @@ Model = Annotated[
 
 def doctor(
     model: Model = None,
-    *,
-    common: Common,
 ) -> None:
     """Check this machine, or the weights of a model.
 
@@ -30,30 +27,29 @@ def doctor(
     Without MODEL: libraries, torch, threads, memory, OpenGL; the exit code is 0 whatever is
     missing. With MODEL, the exit code is 3 if its weights are incomplete.
     """
-    common.apply()
     if model is None:
-        check_machine(as_json=common.json)
+        check_machine()
     else:
-        check_weights(model, as_json=common.json)
+        check_weights(model)
 
 
-def check_machine(*, as_json: bool) -> None:
+def check_machine() -> None:
     """Print a line a check, with advice below it."""
     from gsedit.doctor import check_machine
 
-    if not as_json:
+    if not as_json.get():
         print_message("checking libraries, torch, the compiler and OpenGL: a few seconds")
     problems = 0
     for check in check_machine():
         problems += bool(check.advice)
         advice = f"\n{'':<16} -> {check.advice}" if check.advice else ""
-        print_result(asdict(check), f"{check.name:<16} {check.state}{advice}", as_json=as_json)
-    if not as_json:
+        print_result(asdict(check), f"{check.name:<16} {check.state}{advice}")
+    if not as_json.get():
         counted = f"{problems} problem{'s' if problems > 1 else ''}, marked ->"
         print_message(counted if problems else "no problems")
 
 
-def check_weights(model: str, *, as_json: bool) -> None:
+def check_weights(model: str) -> None:
     """Print what of a model's weights is there. Exits with UNREADABLE unless all of it is."""
     from gsedit.models.hub import INDEX, family_of, find, inspect, settings_in
 
@@ -69,6 +65,6 @@ def check_weights(model: str, *, as_json: bool) -> None:
         lines += [f"{'':<16} -> {part.problem}"] * bool(part.problem)
     state = f"incomplete, {problems} problems" if problems else "complete"
     record = {"folder": folder, "complete": not problems, "kind": kind, "parts": parts}
-    print_result(record, "\n".join([*lines, f"{folder}: {kind}, {state}"]), as_json=as_json)
+    print_result(record, "\n".join([*lines, f"{folder}: {kind}, {state}"]))
     if problems:
         raise typer.Exit(UNREADABLE)

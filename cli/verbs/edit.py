@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import os
+from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from functools import partial
@@ -11,85 +12,63 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from gsedit.errors import UsageError
 
-from ..core.checkpoints import NAME, Checkpoints, Resume, load_resume_state, say_threads
-from ..core.command import argument, option, output, own_flags, shows
+from ..core.checkpoints import NAME, Checkpoints, Resumes, load_resume_state, say_threads
+from ..core.command import Seeded, Settings, Values, argument, option, shows, with_values
 from ..core.console import print_message, print_result
-from ..core.features import load_features
 from ..core.kernel import RENDERS, UPDATES, say_kernel
 from ..core.outputs import check_folder
 from ..core.progress import progress, result_of
 from ..core.ranks import drain, is_first, ranks
-from ..options.cameras import ViewOptions
-from ..options.common import DropInvalid, Force, Scene, Seeded, load_scene
-from ..options.editing import AUTO, EditorOptions, at_size, edit_settings, idle_options, resolve
-from ..options.masks import MaskOptions
-from ..options.pointing import AtOptions
-from ..options.preview import preview_file, run_preview
-from ..options.routes import (
-    NO_MASKS,
+from ..options.cameras import ViewOptions, resolve_cameras
+from ..options.common import Reads, Scene, load_features, load_scene
+from ..options.editing import (
+    AUTO,
     OBJECTS,
+    EditorOptions,
     asks_editor,
-    carry_beside,
-    check_apart,
-    check_condition,
-    check_request,
+    at_size,
+    edit_settings,
+    idle_settings,
     names_of,
     numbered,
     read_sentence,
-    say_found,
-    say_where,
+    resolve,
     views_of,
 )
-from ..options.settings import Setting, SettingsGroup, Values
+from ..options.selection import AtOptions, MaskOptions
 
 if TYPE_CHECKING:
     from gsedit.editing.result import EditResult
-    from gsedit.paper.draw import EditPlan
     from gsedit.paper.request import Views
     from gsedit.paper.settings import EditSettings
     from gsedit.runs.events import Event
     from gsedit.words.instruction import Instruction as Words
+    from rasterizer.scene import Gaussians
 
 LEFTOVERS = ("metrics.unfinished.jsonl", "command", OBJECTS)
 """Files of an edit that ended before its first checkpoint: alone they need no protection."""
+NO_MASKS = MaskOptions()
 
 Instruction = Annotated[str, argument("INSTRUCTION", "What should change, as in 'make it snow'.")]
 
 
 @dataclass(frozen=True)
-class EditOptions:
+class EditOptions(Reads, Resumes):
     """Options of `gsedit edit` alone."""
 
-    out: Path | None = output(None, "Folder for the results.")
-    explain: bool = option(
-        False,
-        "Edit nothing: print the work that the edit would skip, why, the largest error that "
-        "skipping can cause, and the time and memory that a large 2D model would take.",
-    )
-    preview: bool = option(
-        False, "Edit nothing: draw one view, before and after, into -o FILE.png (preview.png)."
-    )
-    preset: str = option(
-        "default",
-        "Values of the options that are not given. quick: half of the evaluations of a 2D model. "
-        "paper: Efficient-NeRF2NeRF as printed; gsedit list presets shows all that each sets.",
-        "default|quick|paper",
-    )
-    features: str = option(
-        "filters",
-        "Features of the Gram loss. filters: a filter bank. vgg: the VGG16 of stlpips_pytorch "
-        "(gsedit[perceptual]). FILE: a VGG16 of torchvision, .pth or .safetensors.",
-        "filters|vgg|FILE",
-    )
-    drop_invalid: DropInvalid = False
-    force: Force = False
-    resume: Resume = False
-
-    @property
-    def asks_routes(self) -> bool:
-        """Whether nothing here asks for the 2D editor."""
-        usual = EditOptions()
-        return (self.preset, self.features) == (usual.preset, usual.features)
+    out: Path | None = option(None, "PATH", flags="--output -o")
+    """Folder for the results."""
+    explain: bool = option(False)
+    """Edit nothing: print the work that the edit would skip, why, the largest error that skipping
+    can cause, and the time and memory that a large 2D model would take."""
+    preview: bool = option(False)
+    """Edit nothing: draw one view, before and after, into -o FILE.png (preview.png)."""
+    preset: str = option("default", "default|quick|paper")
+    """Values of the options that are not given. quick: half of the evaluations of a 2D model.
+    paper: Efficient-NeRF2NeRF as printed; gsedit list presets shows all that each sets."""
+    features: str = option("filters", "filters|vgg|FILE")
+    """Features of the Gram loss. filters: a filter bank. vgg: the VGG16 of stlpips_pytorch
+    (gsedit[perceptual]). FILE: a VGG16 of torchvision, .pth or .safetensors."""
 
 
 @dataclass(frozen=True)
@@ -99,7 +78,7 @@ class EditCommand:
     scene: Path
     instruction: str
     folder: Path
-    """Folder for the results."""
+    """Folder for the results; the file of a preview."""
     own: EditOptions
     views: ViewOptions
     editor: EditorOptions
@@ -112,7 +91,9 @@ class EditCommand:
     @property
     def drawn(self) -> bool:
         """Whether an option asks that a 2D editor draws all."""
-        return not self.own.asks_routes or asks_editor(self.editor, self.values)
+        own, usual = self.own, EditOptions()
+        asks = (own.preset, own.features) != (usual.preset, usual.features)
+        return asks or asks_editor(self.editor, self.values)
 
     def steps(self) -> tuple[Words, ...]:
         """Return the steps of the sentence. Raises UsageError for one that is refused."""
@@ -122,10 +103,14 @@ class EditCommand:
         """Return the part of the request that a checkpoint keeps beside the library's."""
         return {"editor": replace(self.editor.settled(), yes=False), "features": self.own.features}
 
+    def load(self) -> Gaussians:
+        """Load the scene, with a line for each note on its file."""
+        return load_scene(self.scene, drop_invalid=self.own.drop_invalid)
+
 
 @shows(
-    "--output", "--data", "--region", "--at", "--editor", "--preview",
-    "--size", "--explain", "--resume", "--force", "--seed",
+    "--output", "--data", "--region", "--at", "--editor", "--preview", "--size", "--explain",
+    "--resume", "--force", "--seed",
 )  # fmt: skip
 def edit(
     scene: Scene,
@@ -136,7 +121,7 @@ def edit(
     editor: EditorOptions,
     masks: MaskOptions,
     pointing: AtOptions,
-    values: Annotated[Values, SettingsGroup(lambda: all_settings())],
+    values: Annotated[Values, Settings(edit_settings)],
     common: Seeded,
 ) -> None:
     """Edit a scene from a sentence.
@@ -150,27 +135,80 @@ def edit(
     viewpoints that gsedit finds. gsedit list settings edit explains every setting.
     """
     values = pointing.in_place_of_region(values)
-    load = partial(load_scene, scene, drop_invalid=own.drop_invalid)
+    out = preview_file(own) if own.preview else own.out
+    check_request(instruction, views, own, out)
+    request = scene, instruction, out or Path(), own, views, editor, values, common
+    asked = EditCommand(*request, masks=masks)
     if own.preview:
-        if own.explain or own.resume:
-            raise UsageError("--preview writes one picture: leave out --explain and --resume")
-        file = preview_file(own.out)
-        check_request(instruction, views, file, own.explain)
-        common.apply()
-        return run_preview(
-            scene, load, instruction, file, views, editor, values, common.seed,
-            masks=masks, force=own.force, as_json=common.json,
+        return run_preview(asked)
+    if (result := run_edit(asked)) is not None:
+        record = {
+            "folder": out,
+            "scene": asked.folder / "scene.ply",
+            "ground_truth": result.metrics.psnr_to_ground_truth,
+            "psnr_outside_region": result.metrics.psnr_outside_region,
+        }
+        print_result(record, str(record["scene"]))
+
+
+def preview_file(own: EditOptions) -> Path:
+    """Return the file of a preview. Raises UsageError for what is no PNG."""
+    if own.explain or own.resume:
+        raise UsageError("--preview writes one picture: leave out --explain and --resume")
+    path = own.out or Path("preview.png")
+    if path.suffix.lower() != ".png":
+        raise UsageError(f"-o {path}: a preview is one picture, name it as in -o {path}.png")
+    return path
+
+
+def check_request(instruction: str, views: ViewOptions, own: EditOptions, out: Path | None) -> None:
+    """Raise UsageError for an empty sentence or no output, before any file is read."""
+    if not instruction.strip():
+        raise UsageError("the instruction is empty: say what should change, as in 'make it snow'")
+    views.check()
+    if out is None and not own.explain:
+        raise UsageError("-o is missing: name a folder for the results, or add --explain")
+
+
+def run_preview(asked: EditCommand) -> None:
+    """Write one view before and after, as a picture: nothing else is written."""
+    from gsedit.datasets.viewpoints import same_size
+    from gsedit.editing.plan import is_exact
+    from gsedit.editing.preview import preview_edited, preview_exact
+    from gsedit.formats.pictures import save_picture
+    from gsedit.paper.settings import EditSettings
+    from gsedit.storage.atomic import check_writable
+
+    path, common = asked.folder, asked.common
+    check_writable(path, overwrite=asked.own.force)
+    drawn = asks_editor(asked.editor, asked.values)
+    steps = read_sentence(asked.instruction, asked.scene, drawn=drawn)
+    first, exact = steps[0], is_exact(steps[0])
+    names = names_of(asked.scene, asked.masks, steps[:1])
+    own = {at: value for at, value in asked.values.items() if at[0] != "strategy"}
+    settings = with_values(EditSettings(), own)
+    precision = settings.sampler.precision
+    followed = None if exact else asked.editor.make(path.parent, first.text, precision)
+    gaussians = asked.load()
+    say_kernel(settings.execution)
+    found = resolve_cameras(asked.scene, gaussians, asked.views, execution=settings.execution)
+    viewpoints = same_size(found.viewpoints, asked.views.pixels)
+    if len(steps) > 1:
+        print_message(f"the first of {len(steps)} steps: {first.text}")
+    if followed is None:
+        print_message(f"understood as: {first}")
+        with numbered(path.with_name(OBJECTS), gaussians, viewpoints):
+            shown = preview_exact(gaussians, first, viewpoints, settings, names)
+        for note in shown.notes:
+            print_message(note)
+    else:
+        settings = at_size(settings, followed, asked.views.size)
+        shown = preview_edited(
+            gaussians, first.text, viewpoints[0].camera, followed, (common.seed,),
+            settings.sampler, settings.execution, settings.edit_size,
         )  # fmt: skip
-    folder = check_request(instruction, views, own.out, own.explain)
-    request = scene, instruction, folder, own, views, editor, values, common
-    result = run_edit(EditCommand(*request, masks=masks))
-    if result is not None:
-        print_edit(result, folder, as_json=common.json)
-
-
-def all_settings() -> list[Setting]:
-    """Return every setting of an edit and of its strategies."""
-    return edit_settings(own_flags(edit))
+    save_picture(shown.picture(), path, overwrite=asked.own.force)
+    print_result({"picture": path}, str(path))
 
 
 def run_edit(asked: EditCommand) -> EditResult | None:
@@ -182,18 +220,20 @@ def run_edit(asked: EditCommand) -> EditResult | None:
 
     steps, own, folder, kept = asked.steps(), asked.own, asked.folder, asked.kept()
     exact = all(map(is_exact, steps))
-    if (own.explain and any(map(is_exact, steps))) or (exact and not is_first()):
-        return print_routes(steps) if own.explain else None
+    if own.explain and any(map(is_exact, steps)):
+        read = "; ".join(map(str, steps))
+        return print_message(f"{read}: done on the Gaussians, no view is edited")
+    if exact and not is_first():
+        return None
     names, state = names_of(asked.scene, asked.masks, steps), None
     if not own.explain:
         check_apart(asked.scene, folder)
         state = load_resume_state(folder / NAME, kept, "edit", resume=own.resume, force=own.force)
         check_folder(folder, own.force or state is not None, leftovers=LEFTOVERS)
-    asked.common.apply()
     if not exact:
         say_threads(state)
     settings, how = asked_of_editor(asked, exact=exact)
-    gaussians = load_scene(asked.scene, drop_invalid=own.drop_invalid)
+    gaussians = asked.load()
     say_kernel(settings.execution, RENDERS if exact else UPDATES)
     if not asked.drawn:
         print_message(f"understood as: {'; '.join(map(str, steps))}")
@@ -206,7 +246,7 @@ def run_edit(asked: EditCommand) -> EditResult | None:
     request = {"settings": settings, "names": names, **how, "generator": asked.common.generator()}
     if own.explain:
         plan = plan_edit(gaussians, asked.instruction, views, **request)
-        return print_plan(plan, as_json=asked.common.json)
+        return print_result(plan._asdict(), plan.describe())
     items = edit_steps(gaussians, asked.instruction, views, **request, resume=state, ranks=ranks())
     if not is_first():
         return drain(items)
@@ -217,13 +257,22 @@ def run_edit(asked: EditCommand) -> EditResult | None:
         numbered(folder / OBJECTS, gaussians, views),
     ):
         earlier = [] if state is None else events_of(state)
-        result = run_and_show(items, folder, checkpoints, earlier, as_json=asked.common.json)
+        result = run_and_show(items, folder, checkpoints, earlier)
         carry_beside(asked.scene, gaussians, result, folder)
         write_views(views, result, folder)
         write_edit(folder, result, request=request_of(asked, exact=exact), overwrite=True)
-    print_message(f"{result.metrics.describe()}; {result.timings['total']:.1f} s")
-    say_where(folder)
+    print_message(
+        f"{result.metrics.describe()}; {result.timings['total']:.1f} s\n"
+        f"results are in {folder}; look at {folder / 'before_after.png'}, then: "
+        f"gsedit view {folder / 'scene.ply'}"
+    )
     return result
+
+
+def check_apart(scene: Path, out: Path) -> None:
+    """Raise UsageError where the results would replace the scene that is edited."""
+    if os.path.realpath(scene) == os.path.realpath(out / "scene.ply"):
+        raise UsageError(f"-o {out} is the folder of the scene that is edited: name another folder")
 
 
 def asked_of_editor(asked: EditCommand, *, exact: bool) -> tuple[EditSettings, dict[str, Any]]:
@@ -232,15 +281,16 @@ def asked_of_editor(asked: EditCommand, *, exact: bool) -> tuple[EditSettings, d
     Raises UsageError for options that cannot be heeded, or a sentence that it cannot follow.
     """
     own, values = asked.own, asked.values
-    settings, strategy = resolve(own.preset, values, own_flags(edit))
+    settings, strategy = resolve(own.preset, values)
     if exact or not asked.drawn:
         return settings, {}
     from gsedit.paper import request as traits
 
     traits.check_strategy(strategy)
-    if idle := idle_options(values, settings, own_flags(edit)):
+    if idle := idle_settings(values, settings):
         print_message(f"{', '.join(idle)}: no effect where colors are solved for (--loss mse)")
-    check_condition(settings.condition, asked.views.data)
+    if settings.condition == "photo" and asked.views.data is None:
+        raise UsageError("--condition photo shows the editor the photos: name them with --data")
     followed = asked.instruction if traits.asks_editor(strategy) else None
     editor = asked.editor.make(asked.folder, followed, settings.sampler.precision)
     settings = at_size(settings, editor, asked.views.size if asked.sized else None)
@@ -263,20 +313,20 @@ def request_of(asked: EditCommand, *, exact: bool) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def print_routes(steps: Sequence[Words]) -> None:
-    """Print what is done on the Gaussians, where an edit is only explained."""
-    print_message(f"{'; '.join(map(str, steps))}: done on the Gaussians, no view is edited")
+def carry_beside(path: Path, scene: Gaussians, result: EditResult, folder: Path) -> None:
+    """Write what lies beside the scene that was edited for the one in the folder: its saved
+    selections, and the file that names its frame, which is the same."""
+    from gsedit.datasets import export_frame as frames
+    from gsedit.select.saved import carry_named
 
-
-def print_edit(result: EditResult, folder: Path, *, as_json: bool) -> None:
-    """Print the place of the edited scene."""
-    record = {
-        "folder": folder,
-        "scene": folder / "scene.ply",
-        "ground_truth": result.metrics.psnr_to_ground_truth,
-        "psnr_outside_region": result.metrics.psnr_outside_region,
-    }
-    print_result(record, str(folder / "scene.ply"), as_json=as_json)
+    before, after = (each.means.detach().numpy() for each in (scene, result.scene))
+    origin = None if result.origin is None else result.origin.numpy()
+    carry_named(path, before, folder / "scene.ply", after, origin)
+    file = frames.dataparser_file(path)
+    if file is not None:
+        frames.write_dataparser(frames.read_dataparser(file), folder / frames.NAME, overwrite=True)
+    else:
+        (folder / frames.NAME).unlink(missing_ok=True)  # an earlier run's
 
 
 def write_views(views: Views, result: EditResult, folder: Path) -> None:
@@ -292,18 +342,8 @@ def write_views(views: Views, result: EditResult, folder: Path) -> None:
     write_view_list(edited, folder / "views.json", overwrite=True)
 
 
-def print_plan(plan: EditPlan, *, as_json: bool) -> None:
-    """Print the work that an edit would skip, and what it would take."""
-    print_result(plan._asdict(), plan.describe(), as_json=as_json)
-
-
 def run_and_show(
-    items: Iterable[Any],
-    out: Path,
-    checkpoints: Checkpoints,
-    earlier: Iterable[Event],
-    *,
-    as_json: bool,
+    items: Iterable[Any], out: Path, checkpoints: Checkpoints, earlier: Iterable[Event]
 ) -> EditResult:
     """Run an edit, show its events, and print what was found and measured.
 
@@ -316,7 +356,7 @@ def run_and_show(
     from gsedit.runs.journal import event_journal
 
     journal = event_journal(out / UNFINISHED, earlier)
-    with progress(as_json=as_json) as show:
+    with progress() as show:
 
         def write_and_show(event: Event) -> None:
             with suppress(OSError):  # a full disk; the result lists all events
@@ -326,5 +366,8 @@ def run_and_show(
         result = result_of(items, {Event: write_and_show, Checkpoint: checkpoints.keep})
     if result.events:
         print_message(table(journal.records))
-    say_found(result)
+    if result.understood is not None and not result.region.is_all:  # a drawing told its region
+        print_message(f"region: {result.region.note}")
+    for note in result.notes:
+        print_message(note)
     return result

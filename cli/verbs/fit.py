@@ -11,17 +11,25 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from gsedit.fitting.budget import LEAST_STEPS
 from gsedit.fitting.settings import QUALITIES, FitSettings
 
-from ..core.checkpoints import Checkpoints, Resume, load_resume_state, say_threads
-from ..core.command import argument, option, output, shows
+from ..core.checkpoints import Checkpoints, Resumes, load_resume_state, say_threads
+from ..core.command import (
+    Seeded,
+    Setting,
+    Settings,
+    Values,
+    argument,
+    option,
+    settings_of,
+    shows,
+    with_values,
+)
 from ..core.console import print_message, print_result
 from ..core.kernel import FITS, say_kernel
 from ..core.outputs import check_scene_file
 from ..core.progress import progress, result_of
 from ..core.ranks import drain, is_first, ranks
 from ..options.cameras import load_photos
-from ..options.common import DropInvalid, Force, Seeded, load_scene
-from ..options.files import FileOptions
-from ..options.settings import Layout, Setting, SettingsGroup, Values, settings_of, with_values
+from ..options.common import FileOptions, Reads, load_scene
 
 if TYPE_CHECKING:
     from gsedit.datasets.dataset import Dataset as Photos
@@ -38,26 +46,20 @@ Dataset = Annotated[
 
 def fit_settings() -> list[Setting]:
     """Return an option for each field of FitSettings; --minutes stands for `seconds`."""
-    panels = {"execution": "Rendering"}
-    return settings_of(FitSettings(), Layout("Fitting", panels, without=("seconds", "coarse")))
+    return list(settings_of(FitSettings(), without=("seconds", "coarse")))
 
 
 @dataclass(frozen=True)
 class Recipe:
     """How well a scene is fitted, and how long that takes."""
 
-    size: int | None = option(
-        None, "Longer side of the photos.", "PIXELS", min=16, show_default="256; 512 if high"
-    )
-    quality: Literal["draft", "normal", "high"] = option(
-        "normal",
-        "draft: 1.5 minutes, 120,000 Gaussians. normal: 14,000 steps, at most 5 minutes, 150,000. "
-        "high: 15 minutes, 300,000, SH degree 2, photos of 512 pixels. Options that are given win.",
-        "draft|normal|high",
-    )
-    minutes: float | None = option(
-        None, "Stop the fit after this time.", min=0.01, show_default="that of --quality"
-    )
+    size: int | None = option(None, "PIXELS", min=16)
+    """Longer side of the photos. None: 256; 512 if high."""
+    quality: Literal["draft", "normal", "high"] = option("normal")
+    """draft: 1.5 minutes, 120,000 Gaussians. normal: 14,000 steps, at most 5 minutes, 150,000.
+    high: 15 minutes, 300,000, SH degree 2, photos of 512 pixels. Options that are given win."""
+    minutes: float | None = option(None, min=0.01)
+    """Stop the fit after this time. None: that of --quality."""
 
     def pixels(self) -> int:
         """Return the longer side of the photos."""
@@ -76,14 +78,13 @@ class Recipe:
 
 
 @dataclass(frozen=True)
-class FitOptions:
+class FitOptions(Reads, Resumes):
     """Output of a fit, and where it starts."""
 
-    out: Path = output(..., "Scene to write: .ply, .compressed.ply or .spz.")
-    start: Path | None = option(None, "Start from this scene.", "SCENE", flags="--from")
-    drop_invalid: DropInvalid = False
-    force: Force = False
-    resume: Resume = False
+    out: Path = option(..., "PATH", flags="--output -o")
+    """Scene to write: .ply, .compressed.ply or .spz."""
+    start: Path | None = option(None, "SCENE", flags="--from")
+    """Start from this scene."""
 
 
 @shows(
@@ -95,7 +96,7 @@ def fit(
     *,
     own: FitOptions,
     recipe: Recipe,
-    values: Annotated[Values, SettingsGroup(fit_settings)],
+    values: Annotated[Values, Settings(fit_settings)],
     common: Seeded,
 ) -> None:
     """Fit a scene to posed photos.
@@ -107,7 +108,7 @@ def fit(
     """
     result = run_fit(dataset, own, recipe.pixels(), recipe.settings(values), common)
     if result is not None:
-        print_fit(result, own.out, as_json=common.json)
+        print_fit(result, own.out)
 
 
 def run_fit(
@@ -122,7 +123,6 @@ def run_fit(
         own.out.with_suffix(CHECKPOINT), check=partial(check_scene_file, own.out, own.force)
     )
     state = load_resume_state(checkpoints.path, {}, "fit", resume=own.resume, force=own.force)
-    common.apply()
     say_threads(state)
 
     from gsedit.fitting.fit import fit_steps
@@ -139,7 +139,7 @@ def run_fit(
     if not is_first():
         return drain(steps)
     with checkpoints:
-        with progress(as_json=common.json) as show:
+        with progress() as show:
             result = result_of(steps, {Event: show, Checkpoint: checkpoints.keep})
         say_too_short(result, settings)
         save(result.scene, own.out, overwrite=own.force, options=FileOptions().write(own.out))
@@ -186,7 +186,7 @@ def write_places(photos: Photos, frame: Similarity | None, out: Path, force: boo
         )
 
 
-def print_fit(result: FitResult, out: Path, *, as_json: bool) -> None:
+def print_fit(result: FitResult, out: Path) -> None:
     """Print what the fit came to."""
     print_message(
         f"{len(result.scene)} Gaussians, {result.psnr:.2f} dB on held-out photos, "
@@ -200,4 +200,4 @@ def print_fit(result: FitResult, out: Path, *, as_json: bool) -> None:
         "seconds": result.seconds,
         "curve": result.curve,
     }
-    print_result(record, str(out), as_json=as_json)
+    print_result(record, str(out))

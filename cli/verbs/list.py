@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
 from functools import reduce
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
+import typer
+
 from gsedit.errors import UsageError
 
-from ..core.command import argument
-from ..core.console import print_message, print_result
-from ..options.common import Common
+from ..core.command import argument, settings_of
+from ..core.console import as_json, print_message, print_result
 
 if TYPE_CHECKING:
     from gsedit.editors import Listing
     from gsedit.paper.settings import Preset
-
-    from ..options.settings import Setting
 
 
 What = Annotated[
@@ -38,7 +36,7 @@ Name = Annotated[
 ]
 
 
-def list_(what: What, name: Name = None, *, common: Common) -> None:
+def list_(ctx: typer.Context, what: What, name: Name = None) -> None:
     """List the 2D editors, masks, presets, looks or settings.
 
     gsedit list editors
@@ -51,81 +49,68 @@ def list_(what: What, name: Name = None, *, common: Common) -> None:
 
     gsedit list settings edit
     """
-    common.apply()
-    if what in ("editors", "masks", "presets") and name is not None:
-        raise UsageError(f"{name}: list {what} takes no name")
-    if what == "editors":
-        list_editors(as_json=common.json)
-    elif what == "masks":
-        list_masks(as_json=common.json)
-    elif what == "presets":
-        list_presets(as_json=common.json)
+    nameless = {"editors": list_editors, "masks": list_masks, "presets": list_presets}
+    if what in nameless:
+        if name is not None:
+            raise UsageError(f"{name}: list {what} takes no name")
+        nameless[what]()
     elif what == "settings":
-        list_settings(name or "edit", as_json=common.json)
+        list_settings(ctx.find_root().command, name or "edit")
     elif name is not None:
-        explain_sentence(name, as_json=common.json)
+        explain_sentence(name)
     else:
-        list_looks(as_json=common.json)
+        list_looks()
 
 
-def list_editors(*, as_json: bool) -> None:
+def list_editors() -> None:
     """Print every 2D editor, of gsedit and of other packages."""
     from gsedit.editors import list_editors
 
     for listing in list_editors():
         record = {**vars(listing), "ready": listing.ready}
-        print_result(record, editor_text(listing), as_json=as_json)
-    if not as_json:
+        print_result(record, editor_text(listing))
+    if not as_json.get():
         print_message(
             "use one: gsedit edit ... --editor NAME; write one: see examples/write_an_editor.py"
         )
 
 
-def list_masks(*, as_json: bool) -> None:
+def list_masks() -> None:
     """Print every mask provider, of gsedit and of other packages."""
     from gsedit.editors import list_masks
 
     for each in list_masks():
         record, origin = {**vars(each), "ready": each.ready}, f"from {each.source}"
         text = each.summary if each.source == "gsedit" else origin
-        print_result(record, f"{each.name:<12} {text}", as_json=as_json)
-    if not as_json:
+        print_result(record, f"{each.name:<12} {text}")
+    if not as_json.get():
         print_message(
             'use one: gsedit select ... --phrase "the chair" --masks NAME, or gsedit edit ... '
             "--masks NAME"
         )
 
 
-def list_presets(*, as_json: bool) -> None:
-    """Print the options that each preset of `gsedit edit` sets."""
+def list_presets() -> None:
+    """Print the settings that each preset of `gsedit edit` sets."""
     from gsedit.paper.settings import PRESETS
 
-    from .edit import all_settings
-
     for name, preset in PRESETS.items():
-        values = preset_values(preset, all_settings())
+        values = preset_values(preset)
         record = {"name": name, "meaning": preset.meaning, "sets": values}
-        lines = [f"{name:<12} {preset.meaning}", *(f"{k} {v}" for k, v in values.items())]
-        print_result(record, "\n    ".join(lines), as_json=as_json)
+        lines = [f"{name:<12} {preset.meaning}", *(f"{k}={v}" for k, v in values.items())]
+        print_result(record, "\n    ".join(lines))
 
 
-def preset_values(preset: Preset, settings: Iterable[Setting]) -> dict[str, Any]:
-    """Return by flag the values of a preset that are not the defaults."""
+def preset_values(preset: Preset) -> dict[str, Any]:
+    """Return by name the values of a preset that are not the defaults."""
     from gsedit.paper.settings import EditSettings
 
-    values: dict[str, Any] = {}
-    for setting in settings:
-        if setting.path[0] == "strategy":
-            if setting.path[-1] in preset.strategy:
-                values[setting.flag] = preset.strategy[setting.path[-1]]
-            continue
-        own, usual = (
-            reduce(getattr, setting.path, each) for each in (preset.settings, EditSettings())
-        )
+    values = {f"strategy.{name}": value for name, value in preset.strategy.items()}
+    for path in (setting.path for setting in settings_of(EditSettings())):
+        own, usual = (reduce(getattr, path, each) for each in (preset.settings, EditSettings()))
         if own != usual:
-            flag = setting.flag
-            values[f"--no-{flag.removeprefix('--')}" if own is False else flag] = own
-    return {flag: "" if value is False else value for flag, value in values.items()}
+            values[".".join(path)] = own
+    return values
 
 
 def editor_text(listing: Listing) -> str:
@@ -139,15 +124,15 @@ def editor_text(listing: Listing) -> str:
     return "\n    ".join(line for line in lines if line)
 
 
-def list_looks(*, as_json: bool) -> None:
+def list_looks() -> None:
     """Print every look, those of the subject first."""
     from gsedit.words.direct import UNCLEAR
     from gsedit.words.looks import LOOKS
 
     for look in LOOKS.values():
         record = {"name": look.name, "scope": look.scope, "wording": look.wording}
-        print_result(record, f"{look.name:<16} {look.scope:<8} {look.wording}", as_json=as_json)
-    if not as_json:
+        print_result(record, f"{look.name:<16} {look.scope:<8} {look.wording}")
+    if not as_json.get():
         print_message(
             "ask in your own words, for one look of the subject, one of the scene, or both; test a "
             'sentence: gsedit list looks "SENTENCE"\n'
@@ -157,7 +142,7 @@ def list_looks(*, as_json: bool) -> None:
         )
 
 
-def explain_sentence(sentence: str, *, as_json: bool) -> None:
+def explain_sentence(sentence: str) -> None:
     """Print the changes that a sentence asks for, or why it is refused.
 
     Raises UsageError for an empty one.
@@ -168,27 +153,19 @@ def explain_sentence(sentence: str, *, as_json: bool) -> None:
         raise UsageError("the sentence is empty: say what should change, as in 'make it snow'")
     read = read_instruction(sentence)
     text = "\n".join(map(str, read.changes)) if read.known else f"refused: {read.why}"
-    print_result(json.loads(read.as_json()), text, as_json=as_json)
+    print_result(json.loads(read.as_json()), text)
 
 
-def list_settings(verb: str, *, as_json: bool) -> None:
+def list_settings(program: Any, verb: str) -> None:
     """Print the name, the default and the meaning of every setting of a verb."""
-    from .capture import capture_settings
-    from .edit import all_settings
-    from .fit import fit_settings
-    from .render import render_settings
-    from .style import style_settings
-
-    known = {
-        "edit": all_settings, "fit": fit_settings, "render": render_settings,
-        "style": style_settings, "capture": capture_settings,
-    }  # fmt: skip
-    if verb not in known:
-        raise UsageError(f"{verb} has no settings: name one of {', '.join(known)}")
-    for setting in known[verb]():
+    settings = list(program.commands[verb].settings()) if verb in program.commands else []
+    if not settings:
+        raise UsageError(f"{verb} has no settings: name a verb, as edit, fit or clean")
+    for setting in settings:
         name, default = ".".join(setting.path), setting.default
         record = {
-            "name": name, "flag": setting.flag, "default": default, "meaning": setting.meaning,
+            "name": name, "flag": next(iter(setting.flags), None), "default": default,
+            "meaning": setting.meaning,
         }  # fmt: skip
         value = f" [{default}]" if default else ""
-        print_result(record, f"{name}{value}\n    {setting.meaning}", as_json=as_json)
+        print_result(record, f"{name}{value}\n    {setting.meaning}")

@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from shlex import quote
 from time import monotonic
 from typing import Annotated, Any
 
 from gsedit.capture.settings import CaptureSettings
-from gsedit.errors import UsageError
+from gsedit.errors import InputError, UsageError
 
-from ..core.command import output, shows
+from ..core.command import Seeded, Setting, Settings, Values, option, settings_of, shows
 from ..core.console import print_message, print_result
-from ..core.stages import Ledger, Stage, check_stages, run_stages
+from ..core.exits import Interrupted
+from ..core.outputs import check_folder
 from ..options.cameras import ViewOptions
-from ..options.common import Force, Seeded
-from ..options.editing import EditorOptions
-from ..options.routes import asks_editor, read_sentence
-from ..options.settings import Layout, Setting, SettingsGroup, Values, settings_of
+from ..options.common import Writes
+from ..options.editing import EditorOptions, asks_editor, read_sentence
 from .capture import Source, capture_summary, run_capture, settings_from
 from .edit import EditCommand, EditOptions, Instruction, run_edit
 from .fit import FitOptions, Recipe, run_fit
@@ -34,15 +33,15 @@ POSING = ("frames", "lens", "focal")
 def posing_settings() -> list[Setting]:
     """An option for each of POSING."""
     others = tuple(each.name for each in fields(CaptureSettings) if each.name not in POSING)
-    return settings_of(CaptureSettings(), Layout("Posing", without=others))
+    return list(settings_of(CaptureSettings(), without=others))
 
 
 @dataclass(frozen=True)
-class MakeOptions:
+class MakeOptions(Writes):
     """Output folder of the results."""
 
-    out: Path = output(..., "Folder for the posed photos, the scene and the edit.")
-    force: Force = False
+    out: Path = option(..., "PATH", flags="--output -o")
+    """Folder for the posed photos, the scene and the edit."""
 
 
 @shows(
@@ -54,7 +53,7 @@ def make(
     instruction: Instruction,
     *,
     own: MakeOptions,
-    posing: Annotated[Values, SettingsGroup(posing_settings)],
+    posing: Annotated[Values, Settings(posing_settings)],
     recipe: Recipe,
     editor: EditorOptions,
     common: Seeded,
@@ -78,7 +77,7 @@ def make(
     results = [ledger.result(stage).split("\n")[0] for stage in stages]
     print_message(work.screen(results[-3:], monotonic() - begun))
     places = {"dataset": work.dataset, "scene": work.scene, "edited": work.edit / "scene.ply"}
-    print_result({"folder": own.out, **places}, str(places["edited"]), as_json=common.json)
+    print_result({"folder": own.out, **places}, str(places["edited"]))
 
 
 @dataclass(frozen=True)
@@ -168,14 +167,12 @@ class Work:
         from gsedit.capture.capture import is_begun
 
         force = not is_begun(self.dataset)
-        result = run_capture(
-            self.photos, self.dataset, self.posing, force=force, as_json=self.common.json
-        )
+        result = run_capture(self.photos, self.dataset, self.posing, force=force)
         print_message(summary := capture_summary(result))
         return summary
 
     def fit_scene(self, same: bool) -> str:
-        own = FitOptions(self.scene, force=True, resume=same)
+        own = FitOptions(out=self.scene, force=True, resume=same)
         settings = self.recipe.settings({})
         result = run_fit(self.dataset, own, self.recipe.pixels(), settings, self.common)
         assert result is not None  # there is one rank
@@ -185,7 +182,7 @@ class Work:
 
     def edit_scene(self, same: bool) -> str:
         views = ViewOptions(data=self.dataset, size=self.recipe.pixels())
-        own = EditOptions(self.edit, force=True, resume=same)
+        own = EditOptions(out=self.edit, force=True, resume=same)
         request = self.scene, self.instruction, self.edit, own, views, self.editor, {}, self.common
         run_edit(EditCommand(*request, sized=self.recipe.size is not None))
         return self.instruction
@@ -239,3 +236,116 @@ def state_of(photos: Path, out: Path) -> str:
     elif place.is_dir():
         files = find_photos(place, out).files
     return f"{place} {fingerprint(states(list(files)))}"
+
+
+OTHER_FOLDER = "name another folder with -o"
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One verb's part of the work."""
+
+    name: str
+    what: str
+    """Description of the stage for a person."""
+    asked: Mapping[str, Any]
+    """Request that decides the result, with those of the stages before; as JSON holds it."""
+    last: Path
+    """The file that is written last."""
+    work: Callable[[bool], str] = field(compare=False)
+    """Run the stage, given whether to resume it; returns a line about the result."""
+    instead: str = ""
+    """Alternative for an error message where the folder holds another result."""
+
+
+class Ledger:
+    """File with the request and the result of each stage of a folder."""
+
+    def __init__(self, path: Path) -> None:
+        """Raises InputError for a damaged file."""
+        from gsedit.storage.json_files import read_json
+
+        self.path = path
+        self.entries: dict[str, dict[str, Any]] = {}
+        try:
+            if path.is_file():
+                self.entries = {
+                    name: {"asked": entry["asked"], "result": entry["result"]}
+                    for name, entry in read_json(path).items()
+                }
+        except (InputError, KeyError, TypeError, AttributeError):
+            raise InputError(
+                f"{path} is damaged: remove it, and add -f to do all stages again"
+            ) from None
+
+    def is_begun(self, stage: Stage) -> bool:
+        """Whether the stage was begun, asked for the same, and did not end."""
+        return self.is_same(stage) and not self.ended(stage)
+
+    def is_done(self, stage: Stage) -> bool:
+        return self.is_same(stage) and self.ended(stage) and stage.last.is_file()
+
+    def ended(self, stage: Stage) -> bool:
+        """Whether there is a result, of this request or another."""
+        return stage.name in self.entries and self.entries[stage.name]["result"] is not None
+
+    def is_same(self, stage: Stage) -> bool:
+        """Whether the stage was asked for the same."""
+        return stage.name in self.entries and not self.changes(stage)
+
+    def result(self, stage: Stage) -> str:
+        """The line about its result."""
+        return self.entries[stage.name]["result"]
+
+    def changes(self, stage: Stage) -> tuple[str, ...]:
+        """Return the names of the parts of the request that have changed."""
+        before, now = self.entries.get(stage.name, {}).get("asked"), dict(stage.asked)
+        if before is None:
+            return ()
+        return tuple(key for key in {**before, **now} if before.get(key) != now.get(key))
+
+    def keep(self, stage: Stage, result: str | None) -> None:
+        """Write that the stage was begun (None), or what it came to."""
+        from gsedit.runs.json_lines import write_record
+
+        names = [*self.entries, stage.name]
+        for follows in names[names.index(stage.name) + 1 :]:  # from what is no longer there
+            self.entries.pop(follows, None)
+        self.entries[stage.name] = {"asked": stage.asked, "result": result}
+        write_record(self.entries, self.path, overwrite=True)
+
+
+def check_stages(stages: Sequence[Stage], ledger: Ledger, *, force: bool) -> None:
+    """Raise UsageError, before any work, where the folder holds something else: files that are not
+    of these stages, or stages that ended and were asked otherwise; unless `force`."""
+    folder = ledger.path.parent
+    check_folder(folder, force or bool(ledger.entries))
+    for stage in stages:
+        changed = ledger.changes(stage)
+        if changed and ledger.ended(stage) and not force:
+            raise UsageError(
+                f"{folder} holds the {stage.name} of another request (other {', '.join(changed)}): "
+                f"add -f to replace it and what follows from it, or {stage.instead or OTHER_FOLDER}"
+            )
+
+
+def run_stages(stages: Sequence[Stage], ledger: Ledger) -> None:
+    """Do the stages that are not done, with a line each. Raises Interrupted with what to do next,
+    and whatever a stage raises."""
+    redone = False
+    for number, stage in enumerate(stages, 1):
+        heading = f"{number} of {len(stages)}, {stage.name}"
+        if ledger.is_done(stage) and not redone:
+            print_message(f"{heading}: done before ({stage.last})")
+            continue
+        print_message(f"{heading}: {stage.what}")
+        same = ledger.is_begun(stage)
+        redone = True
+        ledger.keep(stage, None)
+        try:
+            ledger.keep(stage, stage.work(same))
+        except (Interrupted, KeyboardInterrupt):
+            raise Interrupted(
+                f"interrupted in the {stage.name}; what is done is kept in {ledger.path.parent}: "
+                "the same command continues there"
+            ) from None

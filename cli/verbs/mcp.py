@@ -9,15 +9,12 @@ from typing import Annotated
 from gsedit.errors import UsageError
 
 from ..core.command import argument
-from ..options.common import Common
 
 
 def mcp(
     folders: Annotated[
         list[Path], argument("FOLDER...", "Folders whose files may be read and written.")
     ],
-    *,
-    common: Common,
 ) -> None:
     """Let a program that speaks MCP look at, edit and convert scenes.
 
@@ -26,7 +23,6 @@ def mcp(
     The tools info, edit, make, convert and render are offered on stdin and stdout until stdin
     closes. No file outside of the folders is read or written, also not through links.
     """
-    common.apply()
     for folder in folders:
         if not folder.is_dir():
             raise UsageError(f"{folder} is no folder: name one that exists")

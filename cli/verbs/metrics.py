@@ -11,14 +11,13 @@ import typer
 from gsedit.errors import InputError, UsageError
 from rasterizer.numerics import Execution
 
-from ..core.command import argument, option, output, shows
-from ..core.console import print_json, print_message, shown
+from ..core.command import Settings, Values, argument, option, shows, with_values
+from ..core.console import as_json, print_json, print_message, shown
 from ..core.kernel import say_kernel
 from ..core.outputs import check_file
 from ..core.progress import counting
 from ..options.cameras import ViewOptions, load_views
-from ..options.common import Common, Data, DropInvalid, Force, load_scene
-from ..options.settings import SettingsGroup, Values, with_values
+from ..options.common import Data, Reads, Writes, load_scene
 from .render import render_settings
 
 if TYPE_CHECKING:
@@ -46,56 +45,40 @@ Scene = Annotated[
 
 
 @dataclass(frozen=True)
-class Outputs:
+class Outputs(Writes):
     """The files of a measurement besides what is printed."""
 
-    out: Path | None = output(None, "JSON file to write the record to.")
-    picture: Path | None = option(
-        None, "Also draw the views side by side, with their differences.", "FILE.png"
-    )
-    force: Force = False
+    out: Path | None = option(None, "PATH", flags="--output -o")
+    """JSON file to write the record to."""
+    picture: Path | None = option(None, "FILE.png")
+    """Also draw the views side by side, with their differences."""
 
 
 @dataclass(frozen=True)
-class ListedViews:
+class ListedViews(Data):
     """Views at which a scene is measured."""
 
-    views: Path | None = option(None, "List of views to measure at, see --save-views.", "FILE.json")
-    save_views: Path | None = option(
-        None, "Write the list of views, for others to measure the same.", "FILE.json"
-    )
-    data: Data = None
-    size: int | None = option(
-        None,
-        "Longer side of the views at most; listed ones keep theirs otherwise, others have 256.",
-        "PIXELS",
-        min=16,
-    )
+    views: Path | None = option(None, "FILE.json")
+    """List of views to measure at, see --save-views."""
+    save_views: Path | None = option(None, "FILE.json")
+    """Write the list of views, for others to measure the same."""
+    size: int | None = option(None, "PIXELS", min=16)
+    """Longer side of the views at most; listed ones keep theirs otherwise, others have 256."""
 
 
 @dataclass(frozen=True)
 class MetricsOptions:
     """Options of `gsedit metrics` alone."""
 
-    against: Path | None = option(
-        None,
-        "The unedited scene; or the folder of an edit (its unedited scene, region, views and "
-        "edited pictures); or photos (nerfstudio or COLMAP); or pictures named after the "
-        "views.",
-        "SCENE|FOLDER",
-    )
-    region: str | None = option(
-        None,
-        "Where the edit belonged, for the leakage: region.npy, box:..., sphere:... or all.",
-        "REGION",
-        show_default="the edit's",
-    )
-    subject_masks: Path | None = option(
-        None,
-        "Masks that the edit did not know, to measure outside of: a PNG named after each view that "
-        "has one, white where the edit belongs.",
-        "FOLDER",
-    )
+    against: Path | None = option(None, "SCENE|FOLDER")
+    """The unedited scene; or the folder of an edit (its unedited scene, region, views and edited
+    pictures); or photos (nerfstudio or COLMAP); or pictures named after the views."""
+    region: str | None = option(None, "REGION")
+    """Place where the edit belonged, for the leakage: region.npy, box:..., sphere:... or all. None:
+    the edit's."""
+    subject_masks: Path | None = option(None, "FOLDER")
+    """Masks that the edit did not know, to measure outside of: a PNG named after each view that has
+    one, white where the edit belongs."""
 
 
 @shows(
@@ -104,13 +87,12 @@ class MetricsOptions:
 )  # fmt: skip
 def metrics(
     scene: Scene,
-    drop_invalid: DropInvalid = False,
     *,
+    reads: Reads,
     own: MetricsOptions,
     outputs: Outputs,
     listed: ListedViews,
-    values: Annotated[Values, SettingsGroup(render_settings)],
-    common: Common,
+    values: Annotated[Values, Settings(render_settings)],
 ) -> None:
     """Measure a scene against the unedited one, edited pictures or photos.
 
@@ -127,7 +109,6 @@ def metrics(
         (outputs.out, ".json"), (listed.save_views, ".json"), (outputs.picture, ".png"),
     ):  # fmt: skip
         check_file(path, outputs.force, suffix)
-    common.apply()
 
     from gsedit.datasets.view_list_files import write_view_list
     from gsedit.measures.against import resolve_reference
@@ -135,7 +116,7 @@ def metrics(
     found = resolve_reference(reference)
     check_views(found, listed)
     execution = with_values(Execution(), values)
-    subject = gather(scene, found, own, listed, drop_invalid, execution)
+    subject = gather(scene, found, own, listed, reads.drop_invalid, execution)
     if listed.save_views is not None:
         write_view_list(subject.views, listed.save_views, overwrite=outputs.force)
         print_message(f"the list of views is {listed.save_views}")
@@ -144,16 +125,11 @@ def metrics(
         "subject_masks": own.subject_masks,
         "listed_views": listed.views, "size": listed.size,
     }  # fmt: skip
-    measure_and_show(subject, found, request, outputs, as_json=common.json)
+    measure_and_show(subject, found, request, outputs)
 
 
 def measure_and_show(
-    subject: EvaluationInput,
-    against: Reference,
-    request: dict[str, Any],
-    outputs: Outputs,
-    *,
-    as_json: bool,
+    subject: EvaluationInput, against: Reference, request: dict[str, Any], outputs: Outputs
 ) -> None:
     """Measure, write the files, and print the table or the record."""
     from gsedit.measures.evaluation import evaluate
@@ -161,7 +137,7 @@ def measure_and_show(
     from gsedit.pictures.difference_sheet import difference_sheet
     from gsedit.runs.json_lines import write_record
 
-    with counting("measure", as_json=as_json) as tell:
+    with counting("measure") as tell:
         evaluation = evaluate(subject, tell)
     record = evaluation_record(evaluation, request, against)
     if outputs.out is not None:
@@ -170,7 +146,7 @@ def measure_and_show(
     if outputs.picture is not None:
         difference_sheet(subject, outputs.picture, against.targets, overwrite=outputs.force)
         print_message(f"the pictures are {outputs.picture}")
-    if as_json:
+    if as_json.get():
         print_json("metrics", record)
     else:
         typer.echo(shown(evaluation_table(evaluation, against)))

@@ -5,80 +5,207 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from gsedit.errors import UsageError
 from rasterizer.numerics import Execution, Numerics
 
-from ..core.command import option, output, shows
+from ..core.command import Setting, Settings, Values, option, settings_of, shows, with_values
 from ..core.console import print_message, print_result
 from ..core.kernel import say_kernel
 from ..core.outputs import check_file, check_folder
 from ..core.progress import counting
-from ..options.cameras import ResolvedCameras, ViewOptions, resolve_cameras
-from ..options.common import (
-    Common,
-    DropInvalid,
-    Force,
-    Scene,
-    load_file,
-    numerics_of,
-    scene_file,
-)
-from ..options.numbers import parse_indices
-from ..options.pictures import (
-    ARC,
-    CRF,
-    FPS,
-    FRAMES,
-    PathKind,
-    PathOptions,
-    PictureOptions,
-    check_pictures,
-    kind_of,
-)
-from ..options.settings import Layout, Setting, SettingsGroup, Values, settings_of, with_values
+from ..options.cameras import FOUND_VIEWS, ResolvedCameras, ViewOptions, resolve_cameras
+from ..options.common import Reads, Scene, Writes, load_file, numerics_of, scene_file
 
 if TYPE_CHECKING:
     import numpy as np
+    import torch
 
     from gsedit.pictures.frames import Animation
+    from gsedit.pictures.maps import MapName
     from rasterizer.camera import Camera
     from rasterizer.scene import Gaussians
 
-COUNT = 8
+Kind = Literal["folder", "still", "animation"]
+PathKind = Literal["turntable", "orbit", "spline"]
+"""Kinds of camera paths, those of gsedit.cameras.paths, which imports torch."""
+FolderFormat = Literal["png", "exr", "npy"]
+"""Formats of pictures, those of gsedit.pictures.rendered_views."""
+STILLS, ANIMATIONS = (".png", ".exr", ".npy"), (".mp4", ".gif")
+PHOTOS = (".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp")
+OTHERS = (*PHOTOS, ".avi", ".mov", ".mkv", ".webm", ".m4v")
+"""Suffixes that are no folder's name, and are not written."""
+NAMES = ("color", "depth", "normals", "alpha")
+"""Names of gsedit.pictures.maps.MAPS, which imports torch; a test compares them."""
+MOST_PIXELS = 1 << 26
+FRAMES, FPS, ARC, CRF, COUNT = 120, 30.0, 60.0, 18, 8
+"""Defaults of the options of these names, which are None: one that is given where it would change
+nothing is refused."""
 
 
 def render_settings() -> list[Setting]:
-    """The option --kernel, a field of Execution."""
-    layout = Layout("Rendering", without=("tile_size", "block", "cull"))
-    return settings_of(Execution(), layout)
+    """Return the options of how pictures are computed."""
+    return list(settings_of(Execution()))
 
 
 @dataclass(frozen=True)
-class RenderOptions:
+class RenderOptions(Reads, Writes):
     """Options of `gsedit render` alone."""
 
-    out: Path = output(
-        ..., "A folder for pictures, one picture (.png, .exr, .npy), or a path (.mp4, .gif)."
-    )
-    views: str | None = option(
-        None, "Numbers of the capture's views to render, from 0, or that a path goes by.", "0,8,16"
-    )
-    count: int | None = option(
-        None,
-        "Without --views: number of views in a folder, evenly spaced.",
-        min=1,
-        show_default=str(COUNT),
-    )
-    region: str | None = option(
-        None,
-        "Tint the region that gsedit edit would change: auto (with --prompt), "
-        "box:x0,y0,z0,x1,y1,z1, sphere:x,y,z,r, a .npy file, or masks.",
-        "REGION",
-    )
-    prompt: str | None = option(None, "The instruction that --region auto is for.", "INSTRUCTION")
-    editor: str = option("small", "The 2D editor that --region auto asks.", "NAME")
+    out: Path = option(..., "PATH", flags="--output -o")
+    """A folder for pictures, one picture (.png, .exr, .npy), or a path (.mp4, .gif)."""
+    views: str | None = option(None, "0,8,16")
+    """Numbers of the capture's views to render, from 0, or that a path goes by."""
+    count: int | None = option(None, min=1)
+    """Without --views: number of views in a folder, evenly spaced. None: 8."""
+    region: str | None = option(None, "REGION")
+    """Tint the region that gsedit edit would change: auto (with --prompt),
+    box:x0,y0,z0,x1,y1,z1, sphere:x,y,z,r, a .npy file, or masks."""
+    prompt: str | None = option(None, "INSTRUCTION")
+    """The instruction that --region auto is for."""
+    editor: str = option("small", flags=None)
+    """The 2D editor that --region auto asks."""
+
+    @property
+    def kind(self) -> Kind:
+        """Kind of output that -o names by its suffix. Raises UsageError for others."""
+        suffix = self.out.suffix.lower()
+        if suffix in OTHERS:
+            raise UsageError(
+                f"-o {self.out}: name a folder, a picture ({', '.join(STILLS)}) or an animation "
+                f"({', '.join(ANIMATIONS)})"
+            )
+        return "still" if suffix in STILLS else "animation" if suffix in ANIMATIONS else "folder"
+
+
+@dataclass(frozen=True)
+class PathOptions:
+    """A path of cameras instead of single views."""
+
+    path: PathKind | None = option()
+    """turntable: a full turn around the point that the cameras look at. orbit: from the middle of
+    the cameras to both ends and back. spline: through at most 24 cameras. None: turntable for .mp4
+    and .gif, else none."""
+    frames: int | None = option(None, min=1)
+    """Pictures along the path. None: 120."""
+    fps: float | None = option(None, min=0.1, max=240)
+    """Frames a second of .mp4 and .gif. None: 30."""
+    arc: float | None = option(None, min=1, max=360)
+    """Degrees between the ends of an orbit. None: 60."""
+    elevation: float | None = option(None, flags=None, min=-89, max=89)
+    """Degrees above the horizon, of turntable and orbit. None: the cameras' median."""
+
+    def taken(self, kind: Kind) -> PathKind | None:
+        """Return the path for a kind of output, None for single views."""
+        return self.path or ("turntable" if kind == "animation" else None)
+
+    def check(self, kind: Kind, out: Path) -> None:
+        """Raise UsageError for options of a path that would change nothing."""
+        given = {name for name, value in vars(self).items() if value is not None}
+        taken = self.taken(kind)
+        if kind == "still" and taken:
+            raise UsageError(f"-o {out} is one picture: name .mp4, .gif or a folder for --path")
+        if taken is None and (unused := given & {"frames", "arc", "elevation"}):
+            raise UsageError(
+                f"--{min(unused)} is for a path of cameras: add --path, or name an .mp4 or a .gif"
+            )
+        if "arc" in given and taken != "orbit":
+            raise UsageError("--arc is for --path orbit: add it, or leave --arc out")
+        if "elevation" in given and taken == "spline":
+            raise UsageError("elevation is for turntable and orbit: a spline keeps to the cameras")
+        if "fps" in given and kind != "animation":
+            raise UsageError(f"--fps is for .mp4 and .gif, not for -o {out}")
+
+
+@dataclass(frozen=True)
+class PictureOptions:
+    """Maps to show, and how pictures are written."""
+
+    show: str = option("color", "MAPS")
+    """Maps to show, separated by commas: color, depth (along the view, in scene units, where the
+    transmittance falls to 0.5), normals (x right, y up, z towards the viewer), alpha."""
+    format: FolderFormat = option("png")
+    """Format of the files in a folder. exr holds linear light, npy sRGB; both are float32."""
+    resolution: str | None = option(None, "WxH")
+    """Exact size of the pictures, instead of --size."""
+    zoom: float = option(1.0, min=0.05, max=50)
+    """Times the focal length: below 1 shows more, above 1 less."""
+    background: str = option("black", "COLOR")
+    """Color behind the scene: a name, '#ff8800', or transparent (PNG only)."""
+    wipe: Path | None = option(None, "SCENE")
+    """Second scene, beside the first; the line between them moves along a path."""
+    crf: int | None = option(None, flags=None, min=0, max=51)
+    """Quality of .mp4: 0 is the best and largest, 51 the worst. None: 18."""
+
+    @property
+    def maps(self) -> tuple[MapName, ...]:
+        """The names of the maps to show. Raises UsageError for another name."""
+        names = self.show.split(",")
+        for name in names:
+            if name not in NAMES:
+                raise UsageError(f"--show {self.show}: give any of {', '.join(NAMES)}")
+        return tuple(dict.fromkeys(names))  # pyright: ignore[reportReturnType]
+
+    @property
+    def size(self) -> tuple[int, int] | None:
+        """(width, height) of --resolution. Raises UsageError."""
+        if self.resolution is None:
+            return None
+        try:
+            width, height = (int(part) for part in self.resolution.lower().split("x"))
+        except ValueError:
+            width = height = 0
+        if min(width, height) < 1 or width * height > MOST_PIXELS:
+            raise UsageError(f"--resolution {self.resolution}: give two sizes, as in 1280x720")
+        return width, height
+
+    @property
+    def transparent(self) -> bool:
+        return self.background == "transparent"
+
+    def background_color(self) -> torch.Tensor | None:
+        """sRGB in [0, 1]; None for black. Raises UsageError for a text that is no color."""
+        if self.background in ("black", "transparent"):
+            return None
+        import torch
+        from PIL import ImageColor
+
+        try:
+            levels = ImageColor.getrgb(self.background)
+        except ValueError:
+            levels = ()
+        if len(levels) != 3:  # no color, or one with alpha
+            raise UsageError(
+                f"--background {self.background}: give a color's name, '#rrggbb' or transparent"
+            )
+        return torch.tensor(levels) / 255
+
+    def check(self, kind: Kind, out: Path) -> None:
+        """Raise UsageError for options that do not go together, or not with `out`."""
+        maps, suffix = self.maps, out.suffix.lower()
+        _ = self.background_color(), self.size  # they raise
+        if kind != "folder" and self.format != "png":
+            raise UsageError(f"--format is for folders: -o {out} says it by its suffix")
+        if suffix == ".npy" and len(maps) > 1:
+            raise UsageError(f"-o {out} holds one map: show one, or name an .exr or a folder")
+        in_png = kind != "animation" and suffix not in (".exr", ".npy") and self.format == "png"
+        if self.transparent and not in_png:
+            raise UsageError(
+                f"--background transparent is for PNG pictures: leave out --format, or -o {out}"
+            )
+        if self.transparent and ("color" not in maps or (kind == "still" and len(maps) > 1)):
+            raise UsageError(
+                "--background transparent is for colors in a PNG of their own: show color alone, "
+                "or name a folder"
+            )
+        if self.wipe is not None:
+            if maps != ("color",) or self.transparent:
+                raise UsageError("--wipe shows colors: leave out --show and transparent")
+            if suffix in (".exr", ".npy") or self.format != "png":
+                raise UsageError("--wipe is written as .png, .mp4, .gif or a folder of PNG files")
+        if self.crf is not None and suffix != ".mp4":
+            raise UsageError(f"crf is for .mp4, not for -o {out}: leave it out")
 
 
 @shows(
@@ -87,15 +214,12 @@ class RenderOptions:
 )  # fmt: skip
 def render(
     scene: Scene,
-    drop_invalid: DropInvalid = False,
-    force: Force = False,
     *,
     own: RenderOptions,
     cameras: ViewOptions,
     path: PathOptions,
     pictures: PictureOptions,
-    values: Annotated[Values, SettingsGroup(render_settings)],
-    common: Common,
+    values: Annotated[Values, Settings(render_settings)],
 ) -> None:
     """Render pictures of a scene, or an animation along a path.
 
@@ -108,17 +232,15 @@ def render(
     The cameras come from --data, else from the cameras.json beside the scene, else from viewpoints
     that gsedit finds.
     """
-    check(scene, own, cameras, path, pictures, force)
-    common.apply()
+    check(scene, own, cameras, path, pictures)
 
-    from gsedit.cameras.around import FOUND_VIEWS
     from gsedit.pictures.frames import Animation
 
-    execution = with_values(Execution(), values)
-    gaussians, second, numerics = read_scenes(scene, pictures.wipe, drop_invalid=drop_invalid)
+    execution, kind = with_values(Execution(), values), own.kind
+    gaussians, second, numerics = read_scenes(scene, pictures.wipe, drop_invalid=own.drop_invalid)
     say_kernel(execution)
-    moving = path.path or ("turntable" if kind_of(own.out) == "animation" else None)
-    wanted = own.count or (COUNT if kind_of(own.out) == "folder" else 1)
+    moving = path.taken(kind)
+    wanted = own.count or (COUNT if kind == "folder" else 1)
     searched = FOUND_VIEWS if moving or own.region is not None else wanted
     resolved = resolve_cameras(scene, gaussians, cameras, searched, execution)
     if own.region is not None:
@@ -129,7 +251,7 @@ def render(
     shots = tuple(sized(camera, pictures, own.out) for camera in named.values())
     seen = pictures.maps, second, moving is not None, pictures.background_color()
     animation = Animation(gaussians, shots, *seen, execution, numerics)
-    write(animation, list(named), own.out, path.fps or FPS, pictures, force, common)
+    write(animation, list(named), own, path.fps or FPS, pictures)
 
 
 def check(
@@ -138,14 +260,30 @@ def check(
     cameras: ViewOptions,
     path: PathOptions,
     pictures: PictureOptions,
-    force: bool,
 ) -> None:
-    """Raise UsageError for what makes no sense, before a large file is read."""
-    check_pictures(own.out, pictures, path)
+    """Raise UsageError for what makes no sense, and GseditError for a missing encoder, before a
+    large file is read."""
+    kind = own.kind
+    path.check(kind, own.out)
+    pictures.check(kind, own.out)
+    if kind == "animation":
+        from gsedit.pictures.animations import check_format
+
+        check_format(own.out, path.fps or FPS)
     check_views(own, scene, cameras, path)
     check_region(own.region, own.prompt, pictures)
     cameras.check()
-    (check_folder if kind_of(own.out) == "folder" else check_file)(own.out, force)
+    (check_folder if kind == "folder" else check_file)(own.out, own.force)
+
+
+def parse_indices(text: str) -> list[int]:
+    """Read whole numbers separated by commas, as in `--views 0,8,16`. Raises UsageError."""
+    try:
+        return [int(part) for part in text.split(",")]
+    except ValueError:
+        raise UsageError(
+            f"--views {text}: give numbers separated by commas, as in 0,8,16"
+        ) from None
 
 
 def numbers_of(resolved: ResolvedCameras, views: str | None, wanted: int | None) -> list[int]:
@@ -154,7 +292,7 @@ def numbers_of(resolved: ResolvedCameras, views: str | None, wanted: int | None)
     from gsedit.datasets.dataset import evenly_spaced
 
     if views is not None:
-        return parse_indices(views, "--views")
+        return parse_indices(views)
     total = len(resolved.viewpoints)
     return evenly_spaced(total, total if wanted is None else wanted)
 
@@ -217,17 +355,16 @@ def check_views(own: RenderOptions, scene: Path, options: ViewOptions, path: Pat
     there is one picture or a path."""
     from gsedit.datasets.cameras_json import cameras_file
 
-    views, kind = own.views, kind_of(own.out)
+    views, kind = own.views, own.kind
     recorded = options.data or (not options.placed and cameras_file(scene))
     if views is not None and not recorded:
         raise UsageError(
             "--views names views of a capture: add --data DATASET, or put its cameras.json beside "
             "the scene, or use --count"
         )
-    moving = path.path is not None or kind == "animation"
-    if own.count is not None and (moving or kind == "still"):
+    if own.count is not None and (path.taken(kind) or kind == "still"):
         raise UsageError("--count is for views in a folder: a path has --frames")
-    if views is not None and len(parse_indices(views, "--views")) > 1 and kind == "still":
+    if views is not None and len(parse_indices(views)) > 1 and kind == "still":
         raise UsageError(f"--views {views}: name a folder for several pictures")
 
 
@@ -276,37 +413,33 @@ def tint(
 def write(
     animation: Animation,
     names: Sequence[str],
-    out: Path,
+    own: RenderOptions,
     fps: float,
     pictures: PictureOptions,
-    force: bool,
-    common: Common,
 ) -> None:
-    """Write an animation, one picture, or a folder, as the suffix of `out` says; print what was
+    """Write an animation, one picture, or a folder, as the suffix of -o says; print what was
     written."""
     from gsedit.pictures.animations import write_gif, write_mp4
 
-    count, as_json = len(animation), common.json
-    with counting("render", as_json=as_json) as tell:
-        if kind_of(out) == "folder":
+    count, out = len(animation), own.out
+    with counting("render") as tell:
+        if own.kind != "animation":
             for index, name in enumerate(names):
-                for path in write_files(animation, index, out / name, pictures, force):
-                    print_result({"picture": path}, str(path), as_json=as_json)
+                for path in write_view(animation, index, name, own, pictures):
+                    print_result({"picture": path}, str(path))
                 tell(index + 1, count)
-            print_message(f"{count} views are in {out}")
-        elif kind_of(out) == "still":
-            write_one(animation, out, pictures, force)
-            print_result({"picture": out}, str(out), as_json=as_json)
+            if own.kind == "folder":
+                print_message(f"{count} views are in {out}")
+            return
+        frames = tracked(animation, tell)
+        if out.suffix.lower() == ".gif":
+            write_gif(frames, out, fps, overwrite=own.force)
         else:
-            frames = tracked(animation, tell)
-            if out.suffix.lower() == ".gif":
-                write_gif(frames, out, fps, overwrite=force)
-            else:
-                crf = CRF if pictures.crf is None else pictures.crf
-                write_mp4(frames, out, fps, crf=crf, overwrite=force)
-            record = {"animation": out, "frames": count, "fps": fps, "bytes": out.stat().st_size}
-            print_result(record, str(out), as_json=as_json)
-            print_message(f"{count} frames, {count / fps:.1f} s, {out.stat().st_size / 1e6:.1f} MB")
+            crf = CRF if pictures.crf is None else pictures.crf
+            write_mp4(frames, out, fps, crf=crf, overwrite=own.force)
+        record = {"animation": out, "frames": count, "fps": fps, "bytes": out.stat().st_size}
+        print_result(record, str(out))
+        print_message(f"{count} frames, {count / fps:.1f} s, {out.stat().st_size / 1e6:.1f} MB")
 
 
 def tracked(animation: Animation, tell: Callable[[int, int], None]) -> Iterator[np.ndarray]:
@@ -316,44 +449,27 @@ def tracked(animation: Animation, tell: Callable[[int, int], None]) -> Iterator[
         tell(step, len(animation))
 
 
-def write_files(
-    animation: Animation, index: int, stem: Path, pictures: PictureOptions, force: bool
+def write_view(
+    animation: Animation, index: int, name: str, own: RenderOptions, pictures: PictureOptions
 ) -> list[Path]:
-    """Write the files of one view into a folder; their paths."""
-    from gsedit.pictures.rendered_views import save_frame, write_view
-
-    if animation.wiped is not None:
-        path = stem.with_name(f"{stem.name}.png")
-        save_frame(animation.frame(index), path, overwrite=force)
-        return [path]
-    return write_view(
-        animation.scene,
-        animation.cameras[index],
-        stem,
-        show=animation.show,
-        format=pictures.format,
-        background=animation.background,
-        transparent=pictures.transparent,
-        numerics=animation.numerics[0],
-        execution=animation.execution,
-        overwrite=force,
-    )
-
-
-def write_one(animation: Animation, out: Path, pictures: PictureOptions, force: bool) -> None:
-    """Write the first view into one file."""
+    """Write the files of one view into a folder, or its one file; return their paths."""
+    from gsedit.pictures import rendered_views as views
     from gsedit.pictures.maps import render_maps
-    from gsedit.pictures.rendered_views import save_frame, write_still
 
+    one = own.kind == "still"
+    stem, overwrite = own.out if one else own.out / name, own.force
     if animation.wiped is not None:
-        save_frame(animation.frame(0), out, overwrite=force)
-        return
-    maps = render_maps(
-        animation.scene,
-        animation.cameras[0],
-        animation.show,
-        background=animation.background,
-        numerics=animation.numerics[0],
-        execution=animation.execution,
-    )
-    write_still(maps, animation.show, out, transparent=pictures.transparent, overwrite=force)
+        path = stem if one else stem.with_name(f"{name}.png")
+        views.save_frame(animation.frame(index), path, overwrite=overwrite)
+        return [path]
+    how = {
+        "background": animation.background, "numerics": animation.numerics[0],
+        "execution": animation.execution,
+    }  # fmt: skip
+    clear, camera = pictures.transparent, animation.cameras[index]
+    if one:
+        maps = render_maps(animation.scene, camera, animation.show, **how)
+        views.write_still(maps, animation.show, stem, transparent=clear, overwrite=overwrite)
+        return [stem]
+    files = {"show": animation.show, "format": pictures.format, "transparent": clear}
+    return views.write_view(animation.scene, camera, stem, **files, **how, overwrite=overwrite)

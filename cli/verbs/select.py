@@ -9,14 +9,17 @@ from typing import TYPE_CHECKING
 
 from gsedit.errors import UsageError
 
-from ..core.command import option, output, shows
+from ..core.command import option, shows
 from ..core.console import print_message, print_result
 from ..core.outputs import check_file
-from ..options.common import Common, DropInvalid, Force, Scene, load_scene
-from ..options.files import FileOptions
-from ..options.masks import MaskOptions
-from ..options.pointing import PointingOptions, finder_in
-from ..options.selection import SelectionOptions, need_selection
+from ..options.common import FileOptions, Reads, Scene, Writes, load_scene
+from ..options.selection import (
+    MaskOptions,
+    PointingOptions,
+    SelectionOptions,
+    finder_in,
+    need_selection,
+)
 
 if TYPE_CHECKING:
     import numpy as np
@@ -31,22 +34,18 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class SelectOptions:
+class SelectOptions(Reads, Writes):
     """Options of `gsedit select` alone."""
 
-    out: Path | None = output(
-        None,
-        ".npy file of flags to write, or a .png that shows what --at, --phrase or --objects find.",
-    )
-    name: str | None = option(
-        None,
-        "Save what --at or --phrase selects beside the scene: --region NAME of other commands "
-        "then means it.",
-        "NAME",
-        flags="--as",
-    )
-    objects: bool = option(False, "List the objects of the scene, and draw them into -o FILE.png.")
-    dry_run: bool = option(False, "Only say how many are selected; write nothing.")
+    out: Path | None = option(None, "PATH", flags="--output -o")
+    """.npy file of flags to write, or a .png that shows what --at, --phrase or --objects find."""
+    name: str | None = option(None, "NAME", flags="--as")
+    """Save what --at or --phrase selects beside the scene: --region NAME of other commands then
+    means it."""
+    objects: bool = option(False)
+    """List the objects of the scene, and draw them into -o FILE.png."""
+    dry_run: bool = option(False)
+    """Only say how many are selected; write nothing."""
 
 
 @shows(
@@ -55,21 +54,18 @@ class SelectOptions:
 )  # fmt: skip
 def select(
     scene: Scene,
-    drop_invalid: DropInvalid = False,
-    force: Force = False,
     *,
     own: SelectOptions,
     pointing: PointingOptions,
     masks: MaskOptions,
     selection: SelectionOptions,
     files: FileOptions,
-    common: Common,
 ) -> None:
     """Save a selection, for --region of other commands.
 
     gsedit select scene.ply --where "sphere(0,-0.5,0, 0.35)" -o region.npy
 
-    gsedit select bear.ply --where "subject('turn it into bronze')" --data photos/ -o bear.npy
+    gsedit select bear.ply --where "subject()" --data photos/ -o bear.npy
 
     gsedit select bear.ply --at frame_00001.jpg:120,120 --as bear
 
@@ -77,29 +73,28 @@ def select(
     """
     if own.objects or pointing.given:
         provider = masks.make(pointing.phrase)
-        return select_thing(scene, own, pointing, provider, selection, drop_invalid, force, common)
+        return select_thing(scene, own, pointing, provider, selection)
     masks.make(None)
     if own.name is not None:
         raise UsageError("--as saves what --at or --phrase selects: add one of them")
     if own.out is None and not own.dry_run:
         raise UsageError("name the file of flags to write with -o, or add --dry-run")
-    check_file(own.out, force or own.dry_run, ".npy")
+    check_file(own.out, own.force or own.dry_run, ".npy")
     chosen = need_selection(selection, "select")
-    common.apply()
 
     from gsedit.formats.flags import write_flags
     from gsedit.formats.registry import open_scene
 
     source = open_scene(scene, files.read())
-    flags = flags_of(source, chosen, drop_invalid=drop_invalid)
+    flags = flags_of(source, chosen, drop_invalid=own.drop_invalid)
     count, total = int(flags.sum()), len(flags)
     print_message(f"select: {count:,} of {total:,} ({100 * count / max(total, 1):.1f} %)")
     written = None if own.dry_run else own.out
     if written is not None:
-        write_flags(flags, written, overwrite=force)
+        write_flags(flags, written, overwrite=own.force)
     record = {"scene": scene, "output": written, "selected": count, "gaussians": total}
     text = str(written) if written else "nothing was written (--dry-run)"
-    print_result(record, text, as_json=common.json)
+    print_result(record, text)
 
 
 def select_thing(
@@ -108,25 +103,21 @@ def select_thing(
     pointing: PointingOptions,
     masks: MaskProvider | None,
     selection: SelectionOptions,
-    drop_invalid: bool,
-    force: bool,
-    common: Common,
 ) -> None:
     """Select what is pointed at, or list the objects. Raises UsageError."""
-    check_thing(scene, own, pointing, selection, force)
-    common.apply()
-    gaussians = load_scene(scene, drop_invalid=drop_invalid).detach()
+    check_thing(scene, own, pointing, selection)
+    gaussians = load_scene(scene, drop_invalid=own.drop_invalid).detach()
     finder = finder_in(selection.data, pointing.size, masks)(gaussians)
     views = finder.viewpoints
     if own.objects:
-        return list_objects(scene, finder, own.out, force, common)
+        return list_objects(scene, finder, own)
     found = pointing.region(finder)
     print_message(f"select: {found}")
-    written = [] if own.dry_run else save_thing(found, scene, gaussians, views, own, force)
+    written = [] if own.dry_run else save_thing(found, scene, gaussians, views, own)
     count, total = int(found.inside.sum()), len(found.inside)
     record = {"scene": scene, "output": written, "selected": count, "gaussians": total}
     text = "\n".join(map(str, written)) or "nothing was written (--dry-run)"
-    print_result({**record, "note": found.note}, text, as_json=common.json)
+    print_result({**record, "note": found.note}, text)
 
 
 def check_thing(
@@ -134,7 +125,6 @@ def check_thing(
     own: SelectOptions,
     pointing: PointingOptions,
     selection: SelectionOptions,
-    force: bool,
 ) -> None:
     """Raise UsageError for options that do not go together, or a place that cannot be written."""
     from gsedit.select.saved import check_name, saved_file
@@ -144,12 +134,12 @@ def check_thing(
         raise UsageError("--objects, --at and --phrase go alone: leave out --where and --region")
     if own.name is not None:
         name = check_name(own.name)
-        if not force and not own.dry_run and saved_file(scene, name):
+        if not own.force and not own.dry_run and saved_file(scene, name):
             raise UsageError(f"the selection {name} of {scene} exists: add --force to replace it")
     elif own.out is None and not own.dry_run and not own.objects:
         raise UsageError("name the selection with --as NAME, or the file with -o, or add --dry-run")
     pictured = own.objects or (own.out is not None and own.out.suffix.lower() == ".png")
-    check_file(own.out, force or own.dry_run, ".png" if pictured else ".npy")
+    check_file(own.out, own.force or own.dry_run, ".png" if pictured else ".npy")
 
 
 def save_thing(
@@ -158,7 +148,6 @@ def save_thing(
     gaussians: Gaussians,
     views: Sequence[Viewpoint],
     own: SelectOptions,
-    force: bool,
 ) -> list[Path]:
     """Write a selection where it was asked for; return the files."""
     from gsedit.formats.pictures import save_picture
@@ -168,30 +157,28 @@ def save_thing(
 
     written = []
     if own.out is not None and own.out.suffix.lower() == ".png":
-        save_picture(region_sheet(gaussians, found, views), own.out, overwrite=force)
+        save_picture(region_sheet(gaussians, found, views), own.out, overwrite=own.force)
         written.append(own.out)
     elif own.out is not None:
-        save_region(found, own.out, overwrite=force)
+        save_region(found, own.out, overwrite=own.force)
         written.append(own.out)
     if own.name is not None:
         flags, means = found.inside.numpy(), gaussians.means.numpy()
-        written.append(save_named(flags, means, scene, own.name, overwrite=force))
+        written.append(save_named(flags, means, scene, own.name, overwrite=own.force))
     return written
 
 
-def list_objects(
-    scene: Path, finder: Finder, out: Path | None, force: bool, common: Common
-) -> None:
+def list_objects(scene: Path, finder: Finder, own: SelectOptions) -> None:
     """Print the segments of a scene, a line each, and draw them."""
     from gsedit.formats.pictures import save_picture
     from gsedit.pictures.segment_sheet import segment_sheet
     from gsedit.select.phrase import names
 
-    segments = finder.segments
+    segments, out = finder.segments, own.out
     told = names(segments)
     if out is not None:
         sheet = segment_sheet(finder.scene, segments, told, finder.viewpoints)
-        save_picture(sheet, out, overwrite=force)
+        save_picture(sheet, out, overwrite=own.force)
     lines, records = [], []
     for row, name in zip(segments.rows, told):
         count = int((segments.labels == row.number).sum())
@@ -199,7 +186,7 @@ def list_objects(
         lines.append(f"{row.number:3} {name}: {count:,} Gaussians, {row.pixels:.1%} of views{on}")
         records.append({"number": row.number, "name": name, "kind": row.kind, "gaussians": count})
     text = "\n".join([*lines, *([str(out)] if out else [])])
-    print_result({"scene": scene, "output": out, "segments": records}, text, as_json=common.json)
+    print_result({"scene": scene, "output": out, "segments": records}, text)
 
 
 def flags_of(source: SceneSource, selection: Selection, *, drop_invalid: bool) -> np.ndarray:

@@ -3,43 +3,60 @@
 from __future__ import annotations
 
 import shlex
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from ..core.command import argument, flag, shows
+from ..core.command import (
+    Seeded,
+    Setting,
+    Settings,
+    Values,
+    argument,
+    option,
+    settings_of,
+    shows,
+    with_values,
+)
 from ..core.console import print_message, print_result
-from ..core.features import load_features
 from ..core.kernel import UPDATES, say_kernel
 from ..core.outputs import check_scene_file
 from ..core.process import fitted
 from ..core.progress import progress, result_of
 from ..options.cameras import ViewOptions, load_views
-from ..options.common import DropInvalid, Force, Scene, Seeded, load_file
-from ..options.files import FileOptions
-from ..options.selection import Where, parse_where
-from ..options.settings import Layout, Setting, SettingsGroup, Values, settings_of, with_values
+from ..options.common import (
+    FileOptions,
+    Reads,
+    Scene,
+    Writes,
+    load_features,
+    load_file,
+)
+from ..options.selection import WhereOptions, parse_where
 
 if TYPE_CHECKING:
     from gsedit.formats.scenes import SceneFile
     from rasterizer.scene import Gaussians
 
 Picture = Annotated[Path, argument("PICTURE", "Painting or photo that gives the style.")]
-Features = Annotated[
-    str,
-    flag(
-        "--features",
-        "Features that compare textures. filters: a filter bank. vgg: the VGG16 of "
-        "stlpips_pytorch (gsedit[perceptual]). FILE: a VGG16 of torchvision.",
-        "filters|vgg|FILE",
-    ),
-]
+
+
+@dataclass(frozen=True)
+class StyleOptions(Reads, Writes, WhereOptions):
+    """Options of `gsedit style` alone."""
+
+    out: Path = option(..., "PATH", flags="--output -o")
+    """Scene to write; its suffix is the format."""
+    features: str = option("filters", "filters|vgg|FILE")
+    """Features that compare textures. filters: a filter bank. vgg: the VGG16 of stlpips_pytorch
+    (gsedit[perceptual]). FILE: a VGG16 of torchvision."""
 
 
 def style_settings() -> list[Setting]:
     """Options of the fields of StyleSettings."""
     from gsedit.editing.style.settings import StyleSettings
 
-    return settings_of(StyleSettings(), Layout("Style", without=("execution",)))
+    return list(settings_of(StyleSettings(), without=("execution",)))
 
 
 @shows(
@@ -49,14 +66,10 @@ def style_settings() -> list[Setting]:
 def style(
     scene: Scene,
     picture: Picture,
-    out: Annotated[Path, flag("--output -o", "Scene to write; its suffix is the format.", "PATH")],
-    drop_invalid: DropInvalid = False,
-    force: Force = False,
     *,
+    own: StyleOptions,
     views: ViewOptions,
-    values: Annotated[Values, SettingsGroup(style_settings)],
-    features: Features = "filters",
-    where: Where = None,
+    values: Annotated[Values, Settings(style_settings)],
     common: Seeded,
 ) -> None:
     """Paint a scene in the style of a picture: its colors and its texture.
@@ -69,8 +82,7 @@ def style(
     else from viewpoints that gsedit finds.
     """
     views.check()
-    check_scene_file(out, force)
-    common.apply()
+    check_scene_file(own.out, own.force)
 
     from gsedit.editing.style.settings import StyleSettings
     from gsedit.editing.style.style import style_steps
@@ -78,10 +90,10 @@ def style(
     from gsedit.runs.events import Event
     from gsedit.select.rules import EVERYTHING
 
-    part = EVERYTHING if where is None else parse_where(where, views.data)
+    part = EVERYTHING if own.where is None else parse_where(own.where, views.data)
     settings = with_values(StyleSettings(), values)
-    image, extractor = read_picture(picture), load_features(features)
-    file = load_file(scene, drop_invalid=drop_invalid)
+    image, extractor = read_picture(picture), load_features(own.features)
+    file = load_file(scene, drop_invalid=own.drop_invalid)
     if file.header.antialiased:
         print_message(f"{scene} is marked as antialiased: style draws it with the default filter")
     say_kernel(settings.execution, UPDATES)
@@ -94,12 +106,12 @@ def style(
         where=part,
         generator=common.generator(),
     )
-    with progress(as_json=common.json) as show:
+    with progress() as show:
         result = result_of(steps, {Event: show})
-    write(result.scene, file, out, force)
-    print_message(f"look: {shlex.join(['gsedit', 'view', f'{scene}', f'{out}'])}")
-    record = {"scene": out, "gaussians": len(result.scene), "measures": result.measures}
-    print_result(record, str(out), as_json=common.json)
+    write(result.scene, file, own.out, own.force)
+    print_message(f"look: {shlex.join(['gsedit', 'view', f'{scene}', f'{own.out}'])}")
+    record = {"scene": own.out, "gaussians": len(result.scene), "measures": result.measures}
+    print_result(record, str(own.out))
 
 
 def write(scene: Gaussians, file: SceneFile, out: Path, force: bool) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 Lens = Literal["radial", "opencv", "fisheye"]
@@ -27,26 +27,26 @@ FEWEST = 3
 class CaptureSettings:
     """How photos are posed. Every field but the last changes what is computed."""
 
-    frames: int | None = None
+    frames: int | None = field(default=None, metadata={"flag": "--frames"})
     """Frames to take of a video; an error for photos, which are all used. None: as its length and
     motion ask for."""
-    size: int = 1600
+    size: int = field(default=1600, metadata={"flag": "--size"})
     """Longer side of the photos that are written, pixels; they are never made larger."""
     features: int = 2048
     """SIFT features of a photo, at most."""
-    matching: Matching = "auto"
+    matching: Matching = field(default="auto", metadata={"flag": "--matching"})
     """Pairs of photos that are matched: every pair, or each photo with those after it in the order
     of the names, the last with the first. auto: every pair of up to 80 photos."""
-    mapper: Mapper = "incremental"
+    mapper: Mapper = field(default="incremental", metadata={"flag": "--mapper"})
     """COLMAP's incremental mapping, or its global one (GLOMAP), which is faster on hundreds of
     photos and needs good focal lengths."""
-    lens: Lens = "radial"
+    lens: Lens = field(default="radial", metadata={"flag": "--lens"})
     """Distortion to estimate: radial (k1, k2), opencv (with p1, p2 and two focal lengths), or
     fisheye."""
-    focal: float | None = None
+    focal: float | None = field(default=None, metadata={"flag": "--focal"})
     """Focal length in 35 mm equivalents (a phone's main camera: about 26). None: from EXIF, else
     guessed and refined."""
-    retries: bool = True
+    retries: bool = field(default=True, metadata={"flag": "--retries"})
     """Try again with other settings where fewer than four of five photos are posed."""
     seed: int = 0
     threads: int = -1

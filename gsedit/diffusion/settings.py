@@ -1,6 +1,7 @@
 """How a batch of views is sampled: every choice in one record that checks itself. Loads no torch.
 
-The docstring under each field of `SamplerSettings` is also the help text of its option.
+The docstring under each field of `SamplerSettings` is also the help text of its option; a field
+whose metadata has a flag has it on the command line, the others are given by --set.
 """
 
 from __future__ import annotations
@@ -40,13 +41,13 @@ class SamplerDefaults(NamedTuple):
 class SamplerSettings:
     """How a batch of views is sampled. Every range is checked; a bad value is a UsageError."""
 
-    steps: int | None = None
+    steps: int | None = field(default=None, metadata={"flag": "--steps"})
     """Denoising steps, from 1 to 1000. The time of an edit is proportional to it. None: the
     editor's own (20; small 10, models distilled to few steps 4)."""
-    guidance_text: float | None = field(default=None, metadata={"flag": "--guidance"})
+    guidance_text: float | None = None
     """Weight of the instruction, s_T of InstructPix2Pix, 0 or more; 1 or less adds no push towards
     it. None: the editor's own (7.5; small 1.4)."""
-    guidance_image: float | None = field(default=None, metadata={"flag": "--image-guidance"})
+    guidance_image: float | None = None
     """Weight of the unedited picture, s_I of InstructPix2Pix, 0 or more; 1 skips the unconditional
     branch, a third of the cost. None: the editor's own (1.5; small 1)."""
     guidance_end: float = 0.0
@@ -148,7 +149,7 @@ class SamplerSettings:
         if self.consensus and self.target == "eps" and self.noise == "independent":
             raise UsageError(
                 "target eps needs noise shared: the mean of independent predictions is not noise "
-                "of unit variance, and sampling diverges; use --noise shared or --target x0"
+                "of unit variance, and sampling diverges; use noise shared or target x0"
             )
 
     def with_defaults(self, defaults: SamplerDefaults) -> SamplerSettings:

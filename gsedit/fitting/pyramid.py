@@ -21,7 +21,7 @@ def check_sizes(views: Sequence[View], settings: FitSettings) -> None:
     if settings.dssim_weight and min(width, height) < SMALLEST:
         raise UsageError(
             f"{small.name} has {width}x{height} pixels, and SSIM needs {SMALLEST} a side: fit to "
-            "larger photos, or give --dssim-weight 0"
+            "larger photos, or give --set dssim_weight=0"
         )
 
 

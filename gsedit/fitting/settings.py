@@ -69,7 +69,7 @@ SMALLEST_PERCEPTUAL = 32
 class UpdateSettings:
     """How a scene is fitted to edited views. Raises UsageError for a value out of range."""
 
-    loss: str = "mse"
+    loss: str = field(default="mse", metadata={"flag": "--loss"})
     """The terms of the loss, joined by +: mse, l1, dssim, gram, perceptual. A number before a term
     is its weight, as in 0.8*l1+0.2*dssim; gram alone has 30. By mse alone, colors are solved for
     exactly; by other losses, and with --geometry full, they are fitted in steps on random crops."""
@@ -108,14 +108,14 @@ class FitSettings:
     """How a scene is fitted to photos. Fractions are of the budget: of the steps or the seconds,
     whichever ends first. Raises UsageError for a value out of range."""
 
-    steps: int | None = None
+    steps: int | None = field(default=None, metadata={"flag": "--steps"})
     """Optimizer steps; None: as many as the time allows."""
     seconds: float | None = 300.0
     """Wall-clock seconds; None: until the steps are done."""
-    batch: int | None = None
+    batch: int | None = field(default=None, metadata={"flag": "--batch"})
     """Photos in a step; their gradients are summed, and the learning rates are multiplied by the
     square root of their number. None: one a rank, which is 1 without torchrun."""
-    sh_degree: int = 1
+    sh_degree: int = field(default=1, metadata={"flag": "--sh-degree"})
     """Degree of the spherical harmonics, 0 to 3; higher ones cost time and memorise exposure."""
     dense_start: int = 40_000
     """Patches of the photos that a plane sweep looks for in space; a Gaussian starts at each that
@@ -125,10 +125,10 @@ class FitSettings:
     smaller."""
     dssim_weight: float = 0.2
     """Share of the structural dissimilarity in the loss; the rest is the L1 error."""
-    exposure: Exposure = "auto"
+    exposure: Exposure = field(default="auto", metadata={"flag": "--exposure"})
     """Whether each photo is compared after an affine change of color of its own, so that the scene
     need not explain exposure and white balance. auto: where 10 or more photos differ in them."""
-    max_gaussians: int = 150_000
+    max_gaussians: int = field(default=150_000, metadata={"flag": "--max-gaussians"})
     """The number of Gaussians grows to this, and never beyond."""
     densify_every: int = 100
     """Number of steps between densifications."""

@@ -125,7 +125,7 @@ def write(path: Path, header: SceneHeader, blocks: Blocks, options: WriteOptions
     from the origin.
     """
     if options.spz_version not in (3, 4):
-        raise UsageError(f"--spz-version {options.spz_version}: gsedit writes 3 and 4")
+        raise UsageError(f"spz_version {options.spz_version}: gsedit writes 3 and 4")
     frame = FRAMES[options.spz_frame]
     means: list[np.ndarray] = []
     packed: dict[str, list[np.ndarray]] = {name: [] for name in widths(3, header.degree)}

@@ -196,8 +196,8 @@ class Parts:
         if needed > free:
             raise UsageError(
                 f"{self.folder} takes {needed / GB:.1f} GB of memory in {self.precision}, and "
-                f"{free / GB:.1f} GB are free: add --precision auto, close other programs, or take "
-                "a smaller model"
+                f"{free / GB:.1f} GB are free: add --set precision=auto, close other programs, "
+                "or take a smaller model"
             )
 
     def _kind(self, name: str) -> Any:

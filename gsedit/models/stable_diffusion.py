@@ -34,7 +34,7 @@ SCHEDULERS = (
     "DPMSolverMultistepScheduler", "DPMSolverSinglestepScheduler", "DEISMultistepScheduler",
     "KDPM2DiscreteScheduler", "KDPM2AncestralDiscreteScheduler", "UniPCMultistepScheduler",
 )  # fmt: skip
-"""Schedulers of Stable Diffusion's noise: they differ in how they step, which is `--solver` here,
+"""Schedulers of Stable Diffusion's noise: they differ in how they step, which is `solver` here,
 not in how much noise there is at a training step."""
 USUAL = {
     "beta_start": 0.00085, "beta_end": 0.012, "beta_schedule": "scaled_linear", "steps_offset": 1,

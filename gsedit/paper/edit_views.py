@@ -379,7 +379,7 @@ def validate_edited_images(
             y, x, _ = bad.nonzero()[0].tolist()
             raise GseditError(
                 f"the 2D editor made a picture of view {name} with {int(bad.sum())} values that "
-                f"are not finite numbers, the first at pixel ({x}, {y}): try --precision float32, "
-                "another --seed or another --editor"
+                f"are not finite numbers, the first at pixel ({x}, {y}): try "
+                "--set precision=float32, another --seed or another --editor"
             )
     return images.clamp(0, 1)

@@ -78,7 +78,7 @@ def cheaper(cost: Cost) -> str:
     if cost.evaluations >= BRANCHES * cost.steps:
         return "--preset quick"
     if cost.precision == "float32" and has_bfloat16():
-        return "--precision bfloat16 with --runtime openvino"
+        return "--set precision=bfloat16 with --runtime openvino"
     if cost.steps >= MANY_STEPS:
         return f"--steps {cost.steps // 2}"
     return ""

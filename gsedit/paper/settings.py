@@ -27,7 +27,7 @@ class EditSettings:
     """How the scene is fitted to the edited views."""
     views_per_batch: int = field(default=3, metadata={"flag": "--views"})
     """Views that are edited together."""
-    batches: int = 4
+    batches: int = field(default=4, metadata={"flag": "--batches"})
     """Most batches of views that are edited."""
     coverage: float = 0.95
     """Stop after the batch that covers this share of what the camera set sees, in (0, 1]."""
@@ -43,9 +43,13 @@ class EditSettings:
     visibility: bool = True
     """Whether cells of two views must pass every rule to correspond (depths agree, no silhouette,
     similar angle, ...); without, it is enough that each is the other's nearest."""
-    geometry: Literal["appearance", "full"] = "appearance"
+    geometry: Literal["appearance", "full"] = field(
+        default="appearance", metadata={"flag": "--geometry"}
+    )
     """The part of the scene that moves: colors and opacities only, or positions and shapes too."""
-    condition: Literal["render", "photo"] = "render"
+    condition: Literal["render", "photo"] = field(
+        default="render", metadata={"flag": "--condition"}
+    )
     """The unedited picture that the editor is shown: a render of the scene, or the photo."""
     held_out_edits: int = 2
     """Held-out views that the 2D editor is asked for at the end, to compare the scene with: tied to
@@ -55,12 +59,12 @@ class EditSettings:
     """Longer side, pixels, of the pictures that the editor is given: of larger views it edits small
     ones, and the change is carried to full size; a network of --editor diffusers also edits large
     ones of smaller views. None: what the editor was made for."""
-    region: str = "auto"
+    region: str = field(default="auto", metadata={"flag": "--region"})
     """The region that may change. auto: the subject if the instruction is about it, else
     everything; all: everything; box:x0,y0,z0,x1,y1,z1 or sphere:x,y,z,r in the coordinates of the
     scene's file; FILE.npy: one flag a Gaussian (an edit writes region.npy); PHOTO.png with the name
     of one of the photos, white where the edit belongs, or a folder of such masks."""
-    disable: str = ""
+    disable: str = field(default="", metadata={"flag": "--disable"})
     """Optimisations that the edit does without, by name and separated by commas, as in
     merging,views, or all: the work is done that they would skip. --explain lists them."""
     checkpoint_seconds: float = field(default=30.0, metadata={"flag": "--checkpoint-every"})

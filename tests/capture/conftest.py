@@ -40,8 +40,8 @@ def captured(tmp_path_factory) -> Captured:
         "--json",
         "--threads",
         2,
-        "--features",
-        600,
+        "--set",
+        "features=600",
         "--size",
         192,
     )

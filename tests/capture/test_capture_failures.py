@@ -108,14 +108,14 @@ def test_heic_without_its_library(tmp_path, monkeypatch):
 
 def test_a_camera_that_turned_on_the_spot(tmp_path):
     take(tmp_path / "photos", turn(5), RealLens(200, 200, 160.0))
-    line = failure(tmp_path / "photos", tmp_path / "scene", "--features", 600)
+    line = failure(tmp_path / "photos", tmp_path / "scene", "--set", "features=600")
     assert "the camera turned on the spot and did not walk" in line
     assert "a step sideways" in line
 
 
 def test_photos_that_do_not_overlap(tmp_path):
     take(tmp_path / "photos", walk(4), RealLens(160, 160, 200.0))
-    words = ("--features", 400, "--no-retries")
+    words = ("--set", "features=400", "--no-retries")
     line = failure(tmp_path / "photos", tmp_path / "scene", *words)
     assert "none of 4 photos could be posed: too little overlap" in line
     assert "take photos in between" in line
@@ -127,7 +127,7 @@ def test_photos_of_plain_surfaces(tmp_path):
     for i in range(5):
         levels = 120 + 60 * np.sin((x + 12 * i) / 96) + 15 * y / 96
         Image.fromarray(levels.astype(np.uint8)).save(tmp_path / "photos" / f"{i}.png")
-    line = failure(tmp_path / "photos", tmp_path / "scene", "--features", 300, "--no-retries")
+    line = failure(tmp_path / "photos", tmp_path / "scene", "--set", "features=300", "--no-retries")
     assert "none of 5 photos could be posed: too little texture (0 features a photo)" in line
     assert "put a patterned cloth" in line
 

@@ -15,7 +15,7 @@ from gsedit import load_dataset
 from gsedit.capture import stages
 from gsedit.datasets.cameras_json import read_cameras
 
-FEW = "--features", 600, "--size", 192
+FEW = "--set", "features=600", "--size", 192
 
 
 def test_all_photos_are_posed_where_they_were_taken(captured):

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 
 import pytest
 from command_line import answer, gsedit
+from gsedit_cli.core.command import Seeded
 from gsedit_cli.core.exits import Interrupted
-from gsedit_cli.options.common import Seeded
 from gsedit_cli.verbs import make as verb
 from gsedit_cli.verbs.capture import settings_from
 from PIL import Image

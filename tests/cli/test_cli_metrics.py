@@ -54,16 +54,8 @@ def test_two_people_measure_the_same(folder, tmp_path):
 def test_pictures_by_the_names_of_the_views(folder):
     out = folder / "out"
     pictures = out / "targets"
-    record = answer(
-        "metrics",
-        out / "scene.ply",
-        "--against",
-        pictures,
-        "--views",
-        out / "views.json",
-        "--size",
-        24,
-    )
+    views = ("--views", out / "views.json", "--size", 24)
+    record = answer("metrics", out / "scene.ply", "--against", pictures, *views)
     assert record["against_is"] == "pictures"
     assert record["measured"]["psnr_to_targets"]["edited"]["views"] == len([*pictures.iterdir()])
     assert "held_out" not in record["measured"]["psnr_to_targets"]

@@ -106,7 +106,19 @@ def test_a_scene_is_selected_cleaned_and_thinned_out_in_chains(scene, tmp_path):
 
 def test_a_scene_is_drawn_and_shown(place, tmp_path):
     scene, out = place / "room.ply", tmp_path / "out"
-    done = gsedit("render", scene, "--views", "0,2", "--depth", "--size", 24, "-o", out, "--json")
+    done = gsedit(
+        "render",
+        scene,
+        "--views",
+        "0,2",
+        "--show",
+        "color,depth",
+        "--size",
+        24,
+        "-o",
+        out,
+        "--json",
+    )
     lines = [json.loads(line) for line in done.stdout.splitlines()]
     listed = {Path(line["picture"]) for line in lines if line["type"] == "result"}
     assert listed == set(files(out))

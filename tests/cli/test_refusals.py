@@ -35,7 +35,7 @@ REFUSED = """
 2 | fit photos -o a.ply --quality best | draft
 2 | fit photos -o taken.ply | -f
 2 | fit photos -o a.ply --set stpes=3 | steps
-2 | fit photos -o a.ply --set nothing-like-it=3 | --help-all
+2 | fit photos -o a.ply --set nothing-like-it=3 | list settings
 2 | fit photos -o a.ply --set steps | NAME=VALUE
 2 | fit photos -o a.ply --set steps=many | --steps
 2 | fit photos -o scene.ply/a.ply | scene.ply
@@ -218,14 +218,16 @@ REFUSED = """
 2 | render none.ply -o a.gif --background transparent | PNG
 2 | render none.ply -o out --format exr --background transparent | --format
 2 | render none.ply -o out --show alpha --background transparent | color
-2 | render none.ply -o a.png --depth --background transparent | folder
+2 | render none.ply -o a.png --show color,depth --background transparent | folder
 2 | render none.ply -o a.gif --fps 60 | at most 50
 2 | render none.ply -o out --frames 9 | --path
 2 | render none.ply -o a.png --arc 90 | --arc
-2 | render none.ply -o a.gif --path spline --elevation 9 | spline
+2 | render none.ply -o a.gif --path spline --set elevation=9 | spline
 2 | render none.ply -o out --path orbit --fps 9 | --fps
-2 | render none.ply -o a.gif --crf 18 | --crf
-2 | render none.ply -o out --wipe b.ply --depth | --wipe
+2 | render none.ply -o a.gif --set crf=18 | crf
+2 | render none.ply -o a.mp4 --set crf=low | --set crf
+2 | render none.ply -o a.mp4 --crf 18 | --set crf
+2 | render none.ply -o out --wipe b.ply --show color,depth | --wipe
 2 | render none.ply -o a.exr --wipe b.ply | --wipe
 2 | render none.ply -o out --wipe b.ply --region all | --wipe
 2 | render none.ply -o out --path circle | circle

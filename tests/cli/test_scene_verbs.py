@@ -15,7 +15,6 @@ from gsedit import load, load_dataset
 from gsedit.datasets.cameras_json import own_file, read_cameras, write_cameras
 from gsedit.formats.registry import open_scene, write_scene
 from gsedit.formats.streams import SceneHeader, in_blocks
-from gsedit.scene.quaternions import axis_rotation
 from gsedit.scene.similarity import Similarity
 from gsedit.scene.table import table_of
 from gsedit.select.region import Region
@@ -42,17 +41,6 @@ def test_steps_stand_in_the_order_of_the_command_line(scene, tmp_path):
     answer("transform", scene, "--translate", "0,9,0", "--where", "x < 0", "-o", part)
     lift = 9.0 * (means(scene)[:, :1] < 0) * [0, 1, 0]
     np.testing.assert_allclose(means(part), means(scene) + lift, atol=1e-5)
-
-
-def test_a_matrix_and_its_inverse_cancel(scene, tmp_path):
-    matrix = np.eye(4)
-    matrix[:3, :3] = 2 * axis_rotation(np.array([1.0, 2.0, 3.0]), 40.0)
-    file, there, back = tmp_path / "m.txt", tmp_path / "a.ply", tmp_path / "b.ply"
-    np.savetxt(file, matrix)
-    answer("transform", scene, "--matrix", file, "-o", there)
-    answer("transform", there, "--matrix", file, "--inverse", "-o", back)
-    np.testing.assert_allclose(means(there), means(scene) @ matrix[:3, :3].T, atol=1e-5)
-    np.testing.assert_allclose(means(back), means(scene), atol=1e-5)
 
 
 def test_cameras_move_along(room, tmp_path):

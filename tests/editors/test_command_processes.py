@@ -71,8 +71,8 @@ def scene(tmp_path) -> Path:
 def edit_words(scene: Path, out: Path, command: str) -> list[str]:
     return [
         "edit", str(scene), "fade $(it) \"now\"", "-o", str(out), "--editor", "command",
-        "--run", command, "--size", "48", "--views", "2", "--batches", "2", "--coverage", "1",
-        "--update-steps", "4", "--patch", "16",
+        "--run", command, "--size", "48", "--views", "2", "--batches", "2", "--set", "coverage=1",
+        "--set", "update_steps=4", "--set", "patch=16",
     ]  # fmt: skip
 
 

@@ -43,7 +43,9 @@ def test_a_photo_too_small_for_the_loss_is_refused_and_fitted_without_ssim():
     data = Dataset((*photos.views[:2], *flat), photos.points, photos.point_colors)
     settings = FitSettings(steps=2, seconds=None, dense_start=0)
     assert fit(photos, settings).steps == 2
-    with pytest.raises(UsageError, match=r"has 12x5 pixels, and SSIM needs 6 .*--dssim-weight 0"):
+    with pytest.raises(
+        UsageError, match=r"has 12x5 pixels, and SSIM needs 6 .*--set dssim_weight=0"
+    ):
         fit(data, settings)
     settings = FitSettings(steps=2, seconds=None, dense_start=0, dssim_weight=0.0)
     assert fit(data, settings).steps == 2

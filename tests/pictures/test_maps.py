@@ -8,7 +8,7 @@ from typing import get_args
 import numpy as np
 import pytest
 import torch
-from gsedit_cli.options.pictures import NAMES, FolderFormat, PathKind
+from gsedit_cli.verbs.render import NAMES, FolderFormat, PathKind
 from scenes import cloud, shell
 
 from gsedit import render_maps

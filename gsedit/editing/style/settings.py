@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from gsedit.errors import UsageError
 from rasterizer.numerics import AUTO, Execution
@@ -12,13 +12,13 @@ from rasterizer.numerics import AUTO, Execution
 class StyleSettings:
     """How the style is brought over. Raises UsageError for a value out of range."""
 
-    strength: float = 1.0
+    strength: float = field(default=1.0, metadata={"flag": "--strength"})
     """How far colors go towards the picture's, and weight of the texture: 0 to 1."""
-    steps: int = 100
+    steps: int = field(default=100, metadata={"flag": "--steps"})
     """Steps of the texture; 0 for colors alone."""
-    views: int = 12
+    views: int = field(default=12, metadata={"flag": "--views"})
     """Most views that are looked at, evenly spaced."""
-    content: float = 10.0
+    content: float = field(default=10.0, metadata={"flag": "--content"})
     """Weight of what the pictures show, against the style."""
     rate: float = 0.025
     """Learning rate of the colors."""

@@ -23,7 +23,7 @@ class SinglePass:
     """Edit a batch of views, fit the scene to all views edited so far, go on with the next batch.
 
     Colors that are solved for are needed once, after the last batch, unless sampling starts from
-    the scene (`--strength`). Raises UsageError for fewer than one step.
+    the scene (`strength`). Raises UsageError for fewer than one step.
     """
 
     update_steps: int = 100

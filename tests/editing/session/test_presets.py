@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 import torch
-from gsedit_cli.verbs.edit import all_settings
 from gsedit_cli.verbs.list import preset_values
 from three_scenes import Swapped
 
@@ -24,9 +23,9 @@ PAGE = Path(__file__).parents[3] / "docs" / "concepts" / "differences.md"
 
 
 def test_the_preset_is_the_papers_table():
-    table = re.findall(r"^\| `(--[a-z-]+) ?(\S*)` \|", PAGE.read_text(), re.MULTILINE)
-    sets = preset_values(PRESETS["paper"], all_settings())
-    assert {flag: str(value) for flag, value in sets.items()} == dict(table)
+    table = re.findall(r"^\| `([a-z_.]+)=(\S*)` \|", PAGE.read_text(), re.MULTILINE)
+    sets = preset_values(PRESETS["paper"])
+    assert {name: str(value) for name, value in sets.items()} == dict(table)
 
 
 class Watched(Swapped):

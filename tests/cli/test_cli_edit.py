@@ -1,4 +1,4 @@
-"""`gsedit edit` where objects go: folders of scenes that have other Gaussians than before."""
+"""`gsedit edit`: where objects go, sentences of several steps, and what `gsedit looks` reads."""
 
 from __future__ import annotations
 
@@ -11,8 +11,10 @@ import torch
 from command_line import answer, gsedit
 
 from gsedit import load
+from gsedit.editing.plan import read_steps
 from gsedit.objects.outcome import NEW, Outcome
 from gsedit.select.saved import save_named, saved_file, saved_names
+from gsedit.words.looks import LOOKS
 from rasterizer.scene import concatenate
 
 
@@ -89,3 +91,61 @@ def test_names_follow_an_edit_of_several_steps(scene, photos, tmp_path):
     answer("edit", out, "make it impressionist and then paint the hat gold", *more, again)
     assert np.load(again / "region.npy").all()  # the painting reached everything
     assert saved_names(again / "scene.ply") == ("Left_Leg-2", "the hat")
+
+
+@pytest.mark.parametrize(
+    ("text", "routes"),
+    [
+        ("paint it red", [["paint"]]),
+        ("paint it red and make it night", [["paint", "light"]]),
+        ("paint it red and make it impressionist", [["paint"], ["small"]]),
+        ("make it impressionist, then 20% darker", [["small"], ["tone"]]),
+    ],
+)
+def test_a_sentence_is_cut_where_the_route_changes(text, routes):
+    steps = read_steps(text)
+    assert [[change.route for change in step.changes] for step in steps] == routes
+    (drawn,) = read_steps(text, drawn=True)
+    assert drawn.text == text
+
+
+def test_all_steps_are_in_one_folder(scene, photos, tmp_path):
+    out = tmp_path / "out"
+    words = ("make it 20% darker and impressionist", "--data", photos, "--region", "all")
+    result = gsedit("edit", scene, *words, "--size", 32, "--json", "-o", out)
+    assert result.exit_code == 0, result.stderr
+    assert json.loads(result.stdout.splitlines()[-1])["folder"] == str(out)
+    record = json.loads((out / "edit.json").read_text())
+    assert record["route"] == "tone+small"
+    assert record["instruction"] == words[0]
+    assert record["history"] == []
+    again = gsedit("edit", scene, *words, "--size", 32, "-o", out)
+    assert again.exit_code == 2
+
+
+def test_every_look_is_listed():
+    result = gsedit("list", "looks", "--json")
+    listed = [json.loads(line) for line in result.stdout.splitlines()]
+    assert [each["name"] for each in listed] == list(LOOKS)
+
+
+def test_a_sentence_is_read():
+    result = gsedit("looks", "paint the bear teal and lower the contrast by 20%", "--json")
+    record = json.loads(result.stdout)
+    assert record["known"] is True
+    assert record["changes"] == [
+        {
+            "target": "subject", "kind": "paint", "name": "teal", "color": "#029386",
+            "amount": None, "route": "paint", "phrase": "", "place": None,
+        },
+        {
+            "target": "scene", "kind": "tone", "name": "contrast", "color": None,
+            "amount": -0.2, "route": "tone", "phrase": "", "place": None,
+        },
+    ]  # fmt: skip
+
+
+def test_a_sentence_that_nothing_fulfills_is_refused_with_the_reason():
+    record = json.loads(gsedit("looks", "give it a hat", "--json").stdout)
+    assert (record["known"], record["changes"]) == (False, [])
+    assert record["why"]
