@@ -45,8 +45,8 @@ def with_saved_regions(values: dict[str, Any]) -> dict[str, Any]:
 
 def check_region(text: str, scene: Path) -> None:
     """Raise UsageError for a text that is no region, with the names that there are."""
-    from gsedit.select.questions import check_region as check_text
     from gsedit.select.saved import saved_names
+    from gsedit.select.where import check_region as check_text
 
     try:
         check_text(text)

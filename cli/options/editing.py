@@ -273,7 +273,7 @@ def numbered(file: Path, scene: Gaussians, views: Views) -> Iterator[None]:
     from gsedit.editing.rivals import SeveralObjects
     from gsedit.formats.pictures import save_picture
     from gsedit.pictures.segment_sheet import segment_sheet
-    from gsedit.select.looks import names
+    from gsedit.select.phrase import names
 
     try:
         yield

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from torch import Tensor
 
     from gsedit.select.finder import Finder
-    from gsedit.select.provider import MaskProvider
+    from gsedit.select.masked import MaskProvider
     from gsedit.select.region import Region
     from gsedit.select.rules import Selection
     from rasterizer.scene import Gaussians
@@ -36,7 +36,7 @@ class AtOptions:
 
     def expression(self) -> str:
         """Return the expression of the places. Raises UsageError for one that is none."""
-        from gsedit.select.short import expression_of_clicks
+        from gsedit.select.where import expression_of_clicks
 
         return expression_of_clicks(self.at or ())
 
@@ -161,7 +161,7 @@ def parse_where(text: str, data: Path | None) -> Selection:
 
 def parse_region(text: str, data: Path | None) -> Selection:
     """Read what `--region` selects in the scene that the verb reads. Raises UsageError."""
-    from gsedit.select.questions import check_region
+    from gsedit.select.where import check_region
 
     return check_region(text, view_functions(data))
 
@@ -172,25 +172,24 @@ def view_functions(data: Path | None) -> dict[str, Callable[..., Selection]]:
     They look through the cameras of `data`, or those beside the current scene; what was found is
     printed. Without an argument `cameras`, `seen` and `middle` need one of the two.
     """
-    from gsedit.select.questions import questions
-    from gsedit.select.rules import Flags
-    from gsedit.select.seen import LEAST_PIXELS, InTheMiddle, Seen
+    from gsedit.select.rules import LEAST_PIXELS, flags
+    from gsedit.select.rules import middle as in_the_middle
+    from gsedit.select.rules import seen as seen_in
+    from gsedit.select.where import questions
 
-    scene = current_scene.get()
+    scene = str(current_scene.get() or "")
 
-    def cameras_of(given: str, name: str) -> Path:
-        return Path(given) if given else recorded_cameras(f"{name}()", data)
+    def cameras_of(given: str, name: str) -> str:
+        return given or str(recorded_cameras(f"{name}()", data))
 
     def seen(cameras: str = "", pixels: float = LEAST_PIXELS) -> Selection:
-        return Seen(cameras_of(cameras, "seen"), pixels=pixels, scene=scene)
+        return seen_in(cameras_of(cameras, "seen"), pixels, scene)
 
     def middle(within: float = 0.5, cameras: str = "") -> Selection:
-        return InTheMiddle(cameras_of(cameras, "middle"), within=within, scene=scene)
-
-    def flags(path: str) -> Selection:
-        return Flags(Path(path).expanduser())  # of rows as the file has them, without a look
+        return in_the_middle(within, cameras_of(cameras, "middle"), scene)
 
     asked = questions(finder_in(data), lambda found: print_message(f"region: {found}"))
+    # flags: of rows as the file has them, without a look
     return {**asked, "seen": seen, "middle": middle, "flags": flags}
 
 

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from gsedit.errors import UsageError
-from gsedit.select.short import place_of
 from gsedit.storage.inputs import existing_file
 from rasterizer.numerics import Execution, Numerics
 
@@ -292,6 +291,8 @@ def measure(scene: Scene, *, own: MeasureOptions) -> None:
     Two points: their distance. Three and more: the area of the polygon. The interval joins
     the size of a pixel, and how far other views disagree about the place.
     """
+    from gsedit.select.where import place_of
+
     points = own.at or []
     if bool(points) == (own.region is not None):
         raise UsageError("name points with --at, or a selection with --region")
@@ -315,6 +316,7 @@ def point(text: str, gaussians: Gaussians, views: Sequence[Viewpoint]) -> Surfac
     import numpy as np
 
     from gsedit.select.finder import click_on
+    from gsedit.select.where import place_of
     from gsedit.surveying.sizes import SurfacePoint, point_at
 
     if COORDINATES.fullmatch(text):

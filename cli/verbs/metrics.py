@@ -199,7 +199,7 @@ def gather(
     from gsedit.capture.matches import match_pictures
     from gsedit.measures.against import find_alone
     from gsedit.measures.evaluation_input import REGION_IS, EvaluationInput
-    from gsedit.select.drawn import read_masks
+    from gsedit.select.masked import read_masks
 
     drawn = own.subject_masks
     scene = load_scene(path, drop_invalid=drop_invalid)
@@ -229,9 +229,9 @@ def gather(
 
 def known(region: str) -> str:
     """Return a region to measure with. Raises UsageError for one that has to be looked for."""
-    from gsedit.select.questions import Asked, check_region
+    from gsedit.select.where import check_region
 
-    if isinstance(check_region(region), Asked) and not region.lower().endswith(".npy"):
+    if check_region(region).question is not None and not region.lower().endswith(".npy"):
         raise UsageError(
             f"region {region} has to be looked for, and a region to measure with must be known: "
             "give the region.npy that gsedit edit wrote, a box or a sphere"
@@ -244,8 +244,11 @@ def regions_of(
 ) -> tuple[Region | None, Region | None]:
     """The region that is named, else an edit's: before, and after where it moved objects; then one
     of them may be empty."""
+    import torch
+
+    from gsedit.formats.flags import read_flags
     from gsedit.select.finder import Finder
-    from gsedit.select.region import Region, read_flags
+    from gsedit.select.region import Region
 
     before, after = against.region, against.edited_region
     if unedited is None and named is not None:
@@ -255,7 +258,9 @@ def regions_of(
     if named is not None or before is None or after is None:
         return Finder(unedited).select(known(named or str(before))), None
     pairs = ((before, unedited), (after, edited))
-    one, other = (Region(read_flags(file, len(scene)), str(file)) for file, scene in pairs)
+    one, other = (
+        Region(torch.from_numpy(read_flags(file, len(scene))), str(file)) for file, scene in pairs
+    )
     return one, other
 
 

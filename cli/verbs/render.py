@@ -374,7 +374,7 @@ def check_region(region: str | None, prompt: str | None, pictures: PictureOption
         if prompt is not None:
             raise UsageError("--prompt is for --region auto: add it, or leave the prompt out")
         return
-    from gsedit.select.questions import check_region as check_text
+    from gsedit.select.where import check_region as check_text
 
     check_text(region)
     if region == "auto" and not (prompt or "").strip():

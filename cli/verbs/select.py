@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from gsedit.datasets.viewpoints import Viewpoint
     from gsedit.formats.streams import SceneSource
     from gsedit.select.finder import Finder
-    from gsedit.select.provider import MaskProvider
+    from gsedit.select.masked import MaskProvider
     from gsedit.select.region import Region
     from gsedit.select.rules import Selection
     from rasterizer.scene import Gaussians
@@ -172,7 +172,7 @@ def list_objects(scene: Path, finder: Finder, own: SelectOptions) -> None:
     """Print the segments of a scene, a line each, and draw them."""
     from gsedit.formats.pictures import save_picture
     from gsedit.pictures.segment_sheet import segment_sheet
-    from gsedit.select.looks import names
+    from gsedit.select.phrase import names
 
     segments, out = finder.segments, own.out
     told = names(segments)

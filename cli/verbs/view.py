@@ -295,15 +295,17 @@ def edited_region(scene: Path, after: Path | None) -> Path | None:
 
 def read_selection(path: Path | None, *scenes: Gaussians | None) -> Tensor | None:
     """The flags of a file, for the first of the scenes that has as many Gaussians."""
-    from gsedit.select.region import read_flags
+    import torch
+
+    from gsedit.formats.flags import read_flags
 
     if path is None:
         return None
     *others, last = [len(scene) for scene in scenes if scene is not None]
     for count in others:
         with suppress(InputError):
-            return read_flags(path, count)
-    return read_flags(path, last)
+            return torch.from_numpy(read_flags(path, count))
+    return torch.from_numpy(read_flags(path, last))
 
 
 def say_what_differs(before: Gaussians, after: Gaussians | None) -> None:

@@ -29,7 +29,7 @@ from torch.nn.functional import max_pool2d
 from gsedit import load
 from gsedit.datasets.load import load_dataset
 from gsedit.datasets.viewpoints import viewpoints_of
-from gsedit.select.click import Click, select_at
+from gsedit.select.click import Click, Selector
 from gsedit.select.finder import Finder
 from gsedit.select.region import Region, coverage
 from gsedit.select.subject import find_subject
@@ -132,7 +132,7 @@ def rows_of(capture: Path, path: Path) -> Iterator[list[str]]:
     phrase = PHRASES[capture.name]
     ways = {
         "auto": lambda: find_subject(scene, cameras),
-        "one click": lambda: select_at(scene, clicks, cameras),
+        "one click": lambda: Selector(scene, cameras).at(clicks),
         phrase: lambda: Finder(scene, viewpoints).named(phrase),
     }
     for way, find in ways.items():

@@ -17,8 +17,7 @@ from gsedit.editors.registry import make_editor
 from gsedit.errors import UsageError
 from gsedit.words.actions import FILE
 from gsedit.words.called import read_called
-from gsedit.words.instruction import MORE, Change, Instruction
-from gsedit.words.said import sentence_of
+from gsedit.words.instruction import MORE, Change, Instruction, sentence_of
 
 FINISHES = {"paint": ("glossy", "satin", "matte"), "material": ("polished", "satin", "matte")}
 """Words for how rough paint and materials are, from smooth to rough."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import torch
 from jaxtyping import Float
@@ -57,14 +57,6 @@ class Schedule:
         return cls((1 - roots**2).cumprod(0))
 
     @classmethod
-    def cosine(cls, steps: int = 1000, shift: float = 0.008, beta_max: float = 0.999) -> Schedule:
-        """Nichol and Dhariwal 2021, eq. 17, with their largest beta."""
-        times = torch.linspace(0, 1, steps + 1, dtype=torch.float64)
-        left = ((times + shift) / (1 + shift) * math.pi / 2).cos() ** 2
-        betas = (1 - left[1:] / left[:-1]).clamp_max(beta_max)
-        return cls((1 - betas).cumprod(0))
-
-    @classmethod
     def rectified_flow(cls, steps: int = 1000) -> Schedule:
         """Straight paths from the picture to the noise (Liu et al. 2023): s = t / steps."""
         s = torch.linspace(0, 1, steps + 1, dtype=torch.float64)
@@ -101,7 +93,7 @@ class Schedule:
         ab = self.alphas_cumprod
         if self.straight:
             b = sigma / (1 + sigma)
-            return NoiseLevel(_fractional_index(_straight_table(ab), b), 1 - b, b)
+            return NoiseLevel(_fractional_index(_straight(ab), b), 1 - b, b)
         a = (1 + sigma**2) ** -0.5
         index = _fractional_index(((1 - ab) / ab).sqrt(), sigma)
         return NoiseLevel(index, a, sigma * a)
@@ -189,13 +181,9 @@ def _sigma(ab: float) -> float:
     return ((1 - ab) / ab) ** 0.5
 
 
-def _straight(ab: float) -> float:
-    """s of the straight level whose share of signal is ab."""
+def _straight(ab: Any) -> Any:
+    """s of the straight level whose share of signal is ab, a number or a table."""
     return (1 - ab) ** 0.5 / (ab**0.5 + (1 - ab) ** 0.5)
-
-
-def _straight_table(ab: Float[Tensor, " t"]) -> Float[Tensor, " t"]:
-    return (1 - ab).sqrt() / (ab.sqrt() + (1 - ab).sqrt())
 
 
 def _fractional_index(rising: Float[Tensor, " t"], value: float) -> float:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import Literal, NamedTuple, get_args
+from typing import Any, Literal, NamedTuple, get_args
 
 from gsedit.errors import UsageError
 
@@ -159,30 +159,30 @@ class SamplerSettings:
         }
         return replace(self, **missing)
 
+    def _told(self, name: str) -> Any:
+        """A setting, or InstructPix2Pix's where it is None."""
+        value = getattr(self, name)
+        return getattr(SamplerDefaults(), name) if value is None else value
+
     @property
     def scales(self) -> tuple[float, float]:
         """(s_T, s_I), with InstructPix2Pix's where they are None."""
-        text, image = self.guidance_text, self.guidance_image
-        default = SamplerDefaults()
-        return (
-            default.guidance_text if text is None else text,
-            default.guidance_image if image is None else image,
-        )
+        return self._told("guidance_text"), self._told("guidance_image")
 
     @property
     def step_spacing(self) -> Spacing:
         """The spacing, with InstructPix2Pix's where it is None."""
-        return self.spacing or SamplerDefaults().spacing
+        return self._told("spacing")
 
     @property
     def noise_scale(self) -> float:
         """The temperature, with InstructPix2Pix's where it is None."""
-        return SamplerDefaults().temperature if self.temperature is None else self.temperature
+        return self._told("temperature")
 
     @property
     def consensus_end(self) -> float:
         """Sigma of t_end, with InstructPix2Pix's where it is None."""
-        return SamplerDefaults().t_end if self.t_end is None else self.t_end
+        return self._told("t_end")
 
     @property
     def fresh_noise(self) -> float:
@@ -192,12 +192,12 @@ class SamplerSettings:
     @property
     def step_count(self) -> int:
         """The steps, with InstructPix2Pix's where they are None."""
-        return SamplerDefaults().steps if self.steps is None else self.steps
+        return self._told("steps")
 
     @property
     def method(self) -> Solver:
         """The solver, with InstructPix2Pix's where it is None."""
-        return SamplerDefaults().solver if self.solver is None else self.solver
+        return self._told("solver")
 
 
 def _require(holds: bool, name: str, value: object, allowed: str) -> None:

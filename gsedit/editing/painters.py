@@ -28,7 +28,7 @@ from gsedit.objects.outcome import Outcome
 from gsedit.scene.cache import cached_per_scene
 from gsedit.scene.table import table_of
 from gsedit.scenery.named import SCENERIES, in_scenery
-from gsedit.select.lift import lift
+from gsedit.select.region import lift
 from gsedit.words.colors import parse_hex
 from gsedit.words.instruction import Change
 from rasterizer.camera import Camera

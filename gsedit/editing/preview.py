@@ -27,7 +27,7 @@ from gsedit.pictures.contact_sheet import contact_sheet
 from gsedit.runs.events import returned
 from gsedit.scene.picture import render_picture
 from gsedit.select.finder import Finder, Names
-from gsedit.select.lift import lift
+from gsedit.select.region import lift
 from gsedit.words.instruction import Instruction
 from gsedit.words.phrases import IT
 from rasterizer.camera import Camera

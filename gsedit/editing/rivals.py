@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from gsedit.errors import UsageError
-from gsedit.select.looks import names
-from gsedit.select.phrase import gap
+from gsedit.select.phrase import gap, names
 from gsedit.select.region import Region
 from gsedit.select.segment import Segment, Segments
 from gsedit.words.phrases import DEFINITE

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from gsedit.diffusion.settings import Precision
     from gsedit.editor_protocol import Editor
     from gsedit.models.hub import Consent
-    from gsedit.select.provider import MaskProvider
+    from gsedit.select.masked import MaskProvider
 
 DEFAULT = "small"
 

@@ -20,7 +20,7 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn.functional import grid_sample
 
-from gsedit.consistency.warp import warp
+from gsedit.consistency.depth_maps import warp_of
 from gsedit.datasets.dataset import evenly_spaced
 from gsedit.measures.interval import Interval, interval
 from rasterizer.camera import Camera
@@ -212,7 +212,8 @@ def compare_pairs(
             for i, rendering in ((a, here), (b, there))
         )
         cameras = (views.cameras[a], views.cameras[b])
-        warped, valid = warp(both_b, cameras[0], *_surface(here), cameras[1], *_surface(there))
+        found = warp_of(cameras[0], *_surface(here), cameras[1], *_surface(there))
+        warped, valid = found(both_b), found.valid
         share = valid.double().mean().item()
         if share >= COMPARED:
             error = (warped - both_a)[valid].double().square().mean(0)

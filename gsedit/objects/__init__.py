@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from gsedit.objects.placing.place import place
     from gsedit.objects.placing.placement import Placement, RelativePlace
     from gsedit.objects.removal.remove import remove
-    from gsedit.select.click import Click, Selector, select_at
+    from gsedit.select.click import Click, Selector
     from gsedit.select.phrase import find_phrase
     from gsedit.select.segment import Segments, segment
 

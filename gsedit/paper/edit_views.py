@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Generator, Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import torch
 from jaxtyping import Bool, Float
@@ -11,7 +12,7 @@ from torch import Tensor
 
 from gsedit.consistency.correspond import Correspondences, correspond
 from gsedit.consistency.depth_maps import DEFAULT_RULES, NO_RULES
-from gsedit.consistency.harmonise_by_depth import Surface, harmonise_by_depth
+from gsedit.consistency.harmonise import Surface, harmonise_by_depth
 from gsedit.datasets.dataset import View
 from gsedit.datasets.image_ops import downscale
 from gsedit.datasets.padding import pad_camera, pad_to_multiple
@@ -23,11 +24,44 @@ from gsedit.paper.session import Session, preview
 from gsedit.paper.unedited import UneditedRenders
 from gsedit.paper.view_plan import view_overlap
 from gsedit.runs.events import Event
-from gsedit.select.lift import find_changed, lift
-from gsedit.select.region import Region, coverage, everything
+from gsedit.select.region import (
+    MIN_SEEN_PIXELS,
+    Lifted,
+    Region,
+    coverage,
+    everything,
+    lift,
+    otsu,
+    smoothed,
+)
+from gsedit.select.surfaces import neighbors
 from rasterizer.camera import Camera
 from rasterizer.numerics import Execution
 from rasterizer.scene import Gaussians
+
+MAX_OUTSIDE_SHARE = 0.25
+"""Largest change outside, as a share of that inside: editors change surroundings a little."""
+
+
+def find_changed(scene: Gaussians, lifted: Lifted) -> Bool[Tensor, " n"] | None:
+    """Find the Gaussians that an edit changes, from the lifted size of the change.
+
+    None where that is everything: outside, the change must be at most `MAX_OUTSIDE_SHARE` of that
+    inside.
+    """
+    graph = neighbors(scene)
+    scale = (
+        float(lifted.mean[lifted.weight > MIN_SEEN_PIXELS].quantile(0.95)) if len(scene) else 0.0
+    )
+    if scale <= 0:
+        return None
+    values = smoothed(replace(lifted, mean=lifted.mean / scale), graph)
+    inside = values > otsu(values, lifted.weight)
+    means = [
+        float((lifted.weight * values)[part].sum() / lifted.weight[part].sum().clamp_min(1e-9))
+        for part in (inside, ~inside)
+    ]
+    return inside if means[1] < MAX_OUTSIDE_SHARE * means[0] else None
 
 
 def vote_region(

@@ -10,7 +10,6 @@ from gsedit.diffusion.settings import SamplerDefaults, SamplerSettings
 from gsedit.errors import UsageError
 from gsedit.fitting.settings import UpdateSettings
 from gsedit.paper.skips import DECISIONS, DecisionName
-from gsedit.select.short import expression_of
 from rasterizer.numerics import AUTO, Execution
 
 SMALLEST_EDIT_PIXELS = 16
@@ -74,8 +73,8 @@ class EditSettings:
     """How pictures are rendered; it changes the run time, not the pictures."""
 
     def __post_init__(self) -> None:
-        if expression_of(self.region) == self.region:  # no short form
-            from gsedit.select.questions import check_region  # which loads numpy
+        if self.region not in ("auto", "all"):
+            from gsedit.select.where import check_region  # which loads numpy
 
             check_region(self.region)
         if unknown := self._disabled - {*DECISIONS, "all"}:

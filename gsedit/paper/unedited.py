@@ -10,7 +10,7 @@ from torch import Tensor
 
 from gsedit.datasets.image_ops import downscale
 from gsedit.paper.request import Request
-from gsedit.select.region import Region, composite, coverage
+from gsedit.select.region import Region, coverage
 from rasterizer.camera import Camera
 from rasterizer.numerics import Execution
 from rasterizer.render import Rendering, render
@@ -96,7 +96,8 @@ class UneditedRenders:
         """The edited picture of view i where the region shows, the unedited one elsewhere."""
         if region.is_all:
             return edited
-        return composite(edited, self.picture(i), self.coverage(region, i))
+        covered = self.coverage(region, i)[..., None].to(edited)
+        return torch.lerp(self.picture(i), edited, covered)
 
     def _render(self, camera: Camera) -> Rendering:
         return render_with_depth(self.request.whole, camera, self.request.settings.execution)

@@ -19,7 +19,7 @@ from gsedit.light.present import Survey
 from gsedit.light.relight import sky_share, step
 from gsedit.scene.color_space import LUMINANCE, lab_of_srgb, linear_of_srgb
 from gsedit.scene.picture import render_picture
-from gsedit.select.lift import lift
+from gsedit.select.region import lift
 from gsedit.surface.noise import noise
 from gsedit.toolkit.grade import GAMMA
 from rasterizer.camera import Camera

@@ -1,8 +1,9 @@
 """Selections of Gaussians: by value, volume, color or view; said, clicked, drawn or saved.
 
-`where("opacity > 0.1 and not sphere(0, 0, 0, 1)")` makes a selection of an expression; the classes
-and functions make the same in Python. Selections combine with `&`, `|` and `~`. A `Finder` answers
-expressions that look at a scene: `Finder(scene).select("subject()")` is a `Region`.
+`where("opacity > 0.1 and not sphere(0, 0, 0, 1)")` makes a selection of an expression; its
+functions, in `gsedit.select.rules`, make the same in Python.
+Selections combine with `&`, `|` and `~`. A `Finder` answers expressions that look at a scene:
+`Finder(scene).select("subject()")` is a `Region`.
 """
 
 from __future__ import annotations
@@ -12,34 +13,13 @@ from typing import TYPE_CHECKING
 from rasterizer.lazy import make_lazy
 
 if TYPE_CHECKING:
-    from gsedit.select.click import Click, Selector, select_at
-    from gsedit.select.clusters import Clusters, Grown, Shrunk
+    from gsedit.select.click import Click, Selector
     from gsedit.select.finder import Finder, Names
     from gsedit.select.phrase import find_phrase
     from gsedit.select.region import Region
-    from gsedit.select.rules import EVERYTHING, Flags, Selection
-    from gsedit.select.seen import InTheMiddle, Seen
+    from gsedit.select.rules import Selection
     from gsedit.select.segment import Segments, segment
     from gsedit.select.subject import find_subject
-    from gsedit.select.values import (
-        Amount,
-        Column,
-        Compare,
-        Distance,
-        Named,
-        NearColor,
-        Number,
-        Ranked,
-    )
-    from gsedit.select.volumes import (
-        InsideMesh,
-        box,
-        cylinder,
-        ellipsoid,
-        half_space,
-        oriented_box,
-        sphere,
-    )
     from gsedit.select.where import where
 
 make_lazy(__name__)

@@ -19,14 +19,11 @@ from torch import Tensor
 from gsedit.errors import Said, UsageError
 from gsedit.scene.neighbors import extent_of
 from gsedit.scene.quantiles import weighted_quantile
-from gsedit.select.graph import Neighbors, smooth
 from gsedit.select.layers import level_patches
-from gsedit.select.lift import cut_out
-from gsedit.select.parts import followed, parts
-from gsedit.select.pieces import pieces
-from gsedit.select.region import Region
-from gsedit.select.segment import Segments, segment_surfaces
-from gsedit.select.surfaces import VIEW_PIXELS, VIEWS, Surfaces, look, looking_at
+from gsedit.select.parts import parts
+from gsedit.select.region import Region, cut_out
+from gsedit.select.segment import Segments, pieces, segment_surfaces
+from gsedit.select.surfaces import VIEW_PIXELS, VIEWS, Neighbors, Surfaces, look, looking_at, smooth
 from rasterizer.camera import Camera
 from rasterizer.color_weights import color_weights
 from rasterizer.numerics import AUTO, Execution
@@ -77,25 +74,13 @@ class Click:
     """Name of the view, for a person."""
 
 
-def select_at(
-    scene: Gaussians,
-    clicks: Sequence[Click],
-    cameras: Sequence[Camera] = (),
-    execution: Execution = AUTO,
-) -> Region:
-    """Select the object at a click, as more clicks inside and outside refine it.
+class Selector:
+    """A scene whose segments are found once, for one click after the other.
 
     The first click takes the whole object that stands on its support, the same place again a part
     of it, and then a smaller one; a click outside takes away the part of one color that it hits, a
-    further one inside adds what it hits. Without `cameras`,
-    those of the clicks look at the scene. Raises UsageError as `Selector.at` does.
+    further one inside adds what it hits.
     """
-    looked = cameras or [click.camera for click in clicks]
-    return Selector(scene, looked, execution).at(clicks)
-
-
-class Selector:
-    """A scene whose segments are found once, for one click after the other."""
 
     def __init__(
         self, scene: Gaussians, cameras: Sequence[Camera] = (), execution: Execution = AUTO
@@ -116,7 +101,6 @@ class Selector:
     def at(self, clicks: Sequence[Click]) -> Region:
         """Select the object under the clicks that are inside, without what is under the others.
 
-        A first click given twice takes the part of the object there, three times a smaller one.
         Raises UsageError without a click inside, for one beside its picture, on nothing or on the
         background, and where nothing or everything would be selected.
         """
@@ -186,7 +170,9 @@ class Selector:
         shown = self._weights(camera, torch.ones_like(mask))
         of_mask, of_view = self._by_label(held), self._by_label(shown)
         filled = of_mask / max(float(of_mask.sum()), 1e-9)
-        things = [i for i in range(len(filled)) if self._is_thing(i) and filled[i] >= PART / 2]
+        things = [
+            i for i in range(len(filled)) if i < len(self._found.objects) and filled[i] >= PART / 2
+        ]
         chosen = [i for i in things if of_mask[i] >= MOSTLY * of_view[i]]
         if chosen:
             return self._region(np.isin(self._labels, chosen), f"objects {note}")
@@ -254,11 +240,13 @@ class Selector:
         """The object that a click hits beside the selection, or the piece of the selection."""
         if click.inside:
             label = int(self._by_label(weights * ~inside).argmax())
-            return self._labels == label if self._is_thing(label) else None
-        piece = pieces(self._surfaces, inside & self._surfaces.solid)
-        number = _piece_of(piece, weights)
-        solid = self._surfaces.solid
-        return None if number < 0 else followed(self._surfaces, inside, solid, piece == number)
+            return self._labels == label if label < len(self._found.objects) else None
+        solid = inside & self._surfaces.solid
+        piece = pieces(self._surfaces, solid)
+        held = np.bincount(piece[solid], weights=weights[solid], minlength=1)
+        if not held.any():
+            return None
+        return self._surfaces.spread(piece == held.argmax(), solid, inside & ~solid)
 
     def _reach(
         self, inside: Bool[np.ndarray, " n"], click: Click, middle: Float64[np.ndarray, "3"]
@@ -300,9 +288,6 @@ class Selector:
     def _by_label(self, weights: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " s"]:
         count = len(self._found.rows)
         return np.bincount(self._labels, weights=weights, minlength=count)
-
-    def _is_thing(self, label: int) -> bool:
-        return self._found.rows[label].kind == "object"
 
     def _seeds_of(self, click: Click, scene: Gaussians | None = None) -> Float64[np.ndarray, " n"]:
         """The weight of each Gaussian, or group of a large scene, in the pixels at a click.
@@ -365,13 +350,6 @@ def at_one_place(click: Click, first: Click) -> bool:
         return False
     near = np.hypot(click.x - first.x, click.y - first.y) <= SAME_PLACE * one.width
     return bool(near and torch.equal(one.world_to_camera, other.world_to_camera))
-
-
-def _piece_of(piece: Int[np.ndarray, " n"], weights: Float64[np.ndarray, " n"]) -> int:
-    """The piece that gives most of a pixel; -1 where none does."""
-    held = piece >= 0
-    total = np.bincount(piece[held], weights=weights[held], minlength=1)
-    return int(total.argmax()) if total.any() else -1
 
 
 def _told(clicks: Sequence[Click]) -> str:

@@ -6,11 +6,17 @@ Sentences, phrases, clicks, `--region` and the page are translated into the expr
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import gzip
+import zlib
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property, lru_cache, partial
+from hashlib import sha256
+from io import BytesIO
 from pathlib import Path
+from pickle import UnpicklingError
+from typing import TypeVar
 
 import torch
 from jaxtyping import Bool, Float
@@ -18,26 +24,23 @@ from torch import Tensor
 
 from gsedit.cameras.around import find_viewpoints
 from gsedit.datasets.viewpoints import Viewpoint, view_named
-from gsedit.errors import Said, UsageError
+from gsedit.errors import GseditError, Said, UsageError
 from gsedit.formats.flags import read_flags
+from gsedit.runs.state import digest_of
 from gsedit.scene.merging.groups import MergedScene
 from gsedit.scene.table import table_of
 from gsedit.select.click import Click, Selector
-from gsedit.select.drawn import read_masks
-from gsedit.select.lift import cut_out, find_drawn, lift, within_silhouette
+from gsedit.select.masked import MaskProvider, read_masks
 from gsedit.select.phrase import carrier, find_phrase
-from gsedit.select.provider import MaskProvider
-from gsedit.select.questions import Asked, questions
-from gsedit.select.region import Region, coverage
-from gsedit.select.remembered import remembered_region, remembered_segments
+from gsedit.select.region import Region, coverage, cut_out, find_drawn, lift, within_silhouette
 from gsedit.select.saved import key_of_name, read_named
-from gsedit.select.segment import Segments
-from gsedit.select.short import OUTSIDE, expression_of, quoted
+from gsedit.select.segment import Segment, Segments
 from gsedit.select.subject import find_subject
-from gsedit.select.where import where
-from gsedit.words.based import BASED
-from gsedit.words.phrases import CARRIERS, IT, PRONOUNS, is_noun
+from gsedit.select.where import OUTSIDE, expression_of, questions, quoted, where
+from gsedit.storage.atomic import atomic_path
+from gsedit.words.phrases import BASED, CARRIERS, IT, PRONOUNS, is_noun
 from rasterizer.camera import Camera
+from rasterizer.compiled import cache_folder
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
 
@@ -107,7 +110,7 @@ class Finder:
     @cached_property
     def segments(self) -> Segments:
         """The objects of the scene."""
-        return remembered_segments(self.scene, self.cameras, lambda: self.selector.segments)
+        return remembered("segments", self.scene, self.cameras, lambda: self.selector.segments)
 
     @property
     def subject(self) -> Region:
@@ -148,7 +151,7 @@ class Finder:
     def _select(self, text: str) -> Region:
         expression = expression_of(text)
         rule = where(expression, questions(lambda _: self))
-        if isinstance(rule, Asked):
+        if rule.question is not None:
             found = rule.question(self)
         else:
             found = Region(torch.from_numpy(rule.mask(table_of(self.scene))), text)
@@ -159,12 +162,8 @@ class Finder:
     def find_subject(self, *, base: bool = False) -> Region:
         """The main subject; with its `base`, as a plinth, where that is asked for."""
         name = "subject with base" if base else "subject"
-        return remembered_region(
-            name,
-            self.scene,
-            self.cameras,
-            lambda: find_subject(self.scene, self.cameras, self.execution, with_carrier=base),
-        )
+        find = partial(find_subject, self.scene, self.cameras, self.execution, with_carrier=base)
+        return remembered(name, self.scene, self.cameras, find)
 
     def find_clicked(self, clicks: Sequence[tuple[str, float, float]]) -> Region:
         """The object at pixels of views; of whole numbers, in the middle of that pixel."""
@@ -176,18 +175,16 @@ class Finder:
         known = None if masks is not None else self.segments
         if known is not None and phrase in CARRIERS and (found := carrier(known)):
             return found
-        found = find_phrase(
-            phrase, self.scene, self.cameras, known, self._main, masks, self.execution
-        )
+
+        def main() -> Bool[Tensor, " n"] | None:
+            return None if self.subject.is_all else self.subject.inside
+
+        found = find_phrase(phrase, self.scene, self.cameras, known, main, masks, self.execution)
         if known is None or known.labels[found.inside].max() >= len(known.objects):
             return found  # the ground and what is behind have no outline of their own
         return replace(
             found, inside=cut_out(self.scene, self.cameras, found.inside, self.execution)
         )
-
-    def _main(self) -> Bool[Tensor, " n"] | None:
-        """Flags of the subject, for phrases that are about it; None where that is everything."""
-        return None if self.subject.is_all else self.subject.inside
 
     def find_named(self, name: str) -> Region:
         """A selection that was saved beside the scene."""
@@ -254,3 +251,60 @@ def _empty(text: str, scene: Gaussians) -> UsageError:
     )
     what = f"region {text} holds no Gaussian of the scene, whose centers are from"
     return UsageError(Said(f"{what} ({low}) to ({high})", "look-region"))
+
+
+Found = TypeVar("Found", Region, Segments)
+LEAST = 20_000
+"""Gaussians of a scene from which looking takes a second."""
+MOST_FILES = 200
+"""Records that are kept, the latest used: about 0.2 MB each for 150,000 Gaussians."""
+torch.serialization.add_safe_globals([Region, Segment, Segments])  # what a record may hold
+
+
+def remembered(
+    name: str, scene: Gaussians, cameras: Sequence[Camera], find: Callable[[], Found]
+) -> Found:
+    """Return the result found by this name in the scene before, or that `find` finds now.
+
+    A record is of the scene's numbers, of the cameras, and of the program that looks: it is found
+    anew where any of them is another.
+    """
+    file = None if len(scene) < LEAST else _file(name, scene, cameras)
+    if file is None:
+        return find()
+    with suppress(OSError, EOFError, RuntimeError, ValueError, UnpicklingError, zlib.error):
+        found = torch.load(BytesIO(gzip.decompress(file.read_bytes())), weights_only=True)
+        file.touch()
+        return found
+    found, record = find(), BytesIO()
+    torch.save(found, record)
+    with suppress(OSError, GseditError):  # a full disk: it is found again the next time
+        with atomic_path(file, overwrite=True) as temporary:
+            temporary.write_bytes(gzip.compress(record.getvalue(), 1))
+        every = sorted(file.parent.glob("*.gz"), key=lambda each: each.stat().st_mtime)
+        for each in every[:-MOST_FILES]:
+            each.unlink(missing_ok=True)
+    return found
+
+
+def _file(name: str, scene: Gaussians, cameras: Sequence[Camera]) -> Path | None:
+    """The file of a record; None where there is no folder to keep one in."""
+    try:
+        folder = cache_folder() / "looks"
+        folder.mkdir(exist_ok=True)
+    except (OSError, GseditError):
+        return None
+    views = [replace(each, world_to_camera=torch.eye(4)) for each in cameras]
+    poses = digest_of(each.world_to_camera for each in cameras)
+    asked = sha256(f"{name} {_program()} {views} {poses}".encode()).hexdigest()[:16]
+    return folder / f"{digest_of(getattr(scene, each.name) for each in fields(scene))}-{asked}.gz"
+
+
+@lru_cache(maxsize=1)
+def _program() -> str:
+    """A digest of the files of this room: another program may find something else."""
+    total = sha256()
+    for each in sorted(Path(__file__).parent.iterdir()):
+        if each.is_file():
+            total.update(each.read_bytes())
+    return total.hexdigest()

@@ -1,24 +1,41 @@
-"""The Gaussians of what a phrase names, from masks in several views that a MaskProvider draws.
+"""Masks of views: those that a person drew, and those that a network draws of what a phrase names.
 
-The masks may be noisy: views that miss it, show something else, or have soft or wide borders.
+A network's may be noisy: views that miss it, show something else, or have soft or wide borders.
 `n` Gaussians; maps of `h w` pixels.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Protocol, runtime_checkable
 
+import numpy as np
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
 from gsedit.cameras.around import cameras_of
-from gsedit.datasets.dataset import evenly_spaced
-from gsedit.errors import GseditError, UsageError
-from gsedit.select.graph import Neighbors, neighbors, parts
-from gsedit.select.lift import MIN_SEEN_PIXELS, Lifted, lift, otsu, smoothed, within_silhouette
-from gsedit.select.provider import MaskProvider
-from gsedit.select.region import Region
+from gsedit.datasets.dataset import View, evenly_spaced
+from gsedit.datasets.image_ops import downscale
+from gsedit.datasets.undistort import Lens, undistort, undistortion
+from gsedit.datasets.viewpoints import Viewpoint
+from gsedit.errors import GseditError, InputError, UsageError
+from gsedit.formats.pictures import open_picture
+from gsedit.scene.neighbors import linked
+from gsedit.select.layers import numbered
+from gsedit.select.region import (
+    MIN_SEEN_PIXELS,
+    Lifted,
+    Region,
+    lift,
+    otsu,
+    smoothed,
+    within_silhouette,
+)
+from gsedit.select.surfaces import Neighbors, neighbors
+from gsedit.storage.inputs import existing_file
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.render import render
@@ -45,6 +62,29 @@ ALIKE, LEAST_PART = 0.75, 0.02
 less is something else, which some views took for it."""
 
 
+@runtime_checkable
+class MaskProvider(Protocol):
+    """Finds what a phrase names in pictures, each on its own."""
+
+    @property
+    def name(self) -> str:
+        """Name by which it is chosen."""
+        ...
+
+    def check(self, phrase: str) -> None:
+        """Raise UsageError for a phrase that it cannot look for, before any picture is made."""
+        ...
+
+    def masks(
+        self, pictures: Sequence[Float[Tensor, "_ _ 3"]], phrase: str
+    ) -> Iterator[Float[Tensor, "_ _"]]:
+        """Yield the probability of each pixel to show it, a map a picture, in their order and size.
+
+        Pictures are in [0, 1]. A picture that does not show it has a map of zeros.
+        """
+        ...
+
+
 def find_masked(
     phrase: str,
     scene: Gaussians,
@@ -61,12 +101,13 @@ def find_masked(
     looked = _views(scene, cameras, execution)
     pictures = [render(scene, each, execution=execution).color.clamp(0, 1) for each in looked]
     made = list(provider.masks(pictures, phrase))
-    if len(made) != len(looked):
+    sizes = [tuple(mask.shape) for mask in made], [(c.height, c.width) for c in looked]
+    if sizes[0] != sizes[1] or not all(mask.isfinite().all() for mask in made):
         raise GseditError(
-            f"the masks {provider.name!r} gave {len(made)} maps for {len(looked)} pictures: "
-            "ask their authors"
+            f"the masks {provider.name!r} gave {len(made)} maps for {len(looked)} pictures, one of "
+            "another size, or one with NaN: ask their authors"
         )
-    masks = [_checked(mask, each, provider) for mask, each in zip(made, looked)]
+    masks = [mask.float().clamp(0, 1) for mask in made]
     inside = lift_masks(scene, looked, masks, execution)
     best = max((float(mask.max()) for mask in masks), default=0.0)
     if best < LEAST_SURE or not inside.any():
@@ -109,7 +150,9 @@ def _alike(
     inside: Bool[Tensor, " n"], values: Float[Tensor, " n"], lifted: Lifted, graph: Neighbors
 ) -> Bool[Tensor, " n"]:
     """The connected parts about whose values the views agree as about the largest one's."""
-    number = parts(inside, graph) + 1
+    among, (first, second) = inside.numpy(), graph.affinity.nonzero()
+    pairs = np.stack((first, second), 1)[among[first] & among[second]].astype(np.int64)
+    number = torch.from_numpy(numbered(linked(pairs, len(inside)), among) + 1)
     weight, total = (
         torch.zeros(int(number.max()) + 1).index_add_(0, number, each.float())
         for each in (lifted.weight, lifted.weight * values)
@@ -128,11 +171,58 @@ def _views(scene: Gaussians, cameras: Sequence[Camera], execution: Execution) ->
     return [c if max(c.width, c.height) <= VIEW_PIXELS else c.fitted(VIEW_PIXELS) for c in chosen]
 
 
-def _checked(mask: Tensor, camera: Camera, provider: MaskProvider) -> Float[Tensor, "h w"]:
-    """The mask in [0, 1]. Raises GseditError."""
-    if tuple(mask.shape) != (camera.height, camera.width) or not mask.isfinite().all():
-        raise GseditError(
-            f"the masks {provider.name!r} gave a map of {tuple(mask.shape)} for a picture of "
-            f"{camera.width}x{camera.height}, or one with NaN: ask their authors"
+def read_masks(path: Path, views: Sequence[View | Viewpoint]) -> dict[int, Float[Tensor, "h w"]]:
+    """The masks in a PNG, or in all PNGs of a folder, by the index of the view that they belong to.
+
+    A mask has the name of its view's picture: `frame_00001.png` belongs to the view
+    `images/frame_00001.jpg`, and is drawn on the photo, whose lens distortion is undone; so does
+    `000_frame_00001.png`, as `gsedit render` names the view, where there is none. White is inside,
+    black and transparent outside. It may have another size than the view, and is averaged over the
+    view's pixels. Raises InputError where no file is there, a name belongs to no
+    view or to several, or a mask has another shape than its view.
+    """
+    files = sorted(path.glob("*.png")) if path.is_dir() else [existing_file(path)]
+    if not files:
+        raise InputError(f"{path} has no .png file: put masks there, named after their views")
+    names: dict[str, list[int]] = {}
+    for index, view in enumerate(views):
+        names.setdefault(Path(view.name).stem, []).append(index)
+    masks: dict[int, Tensor] = {}
+    for file in files:
+        index = _view_of(file, names)
+        camera, lens = views[index].camera, views[index].lens
+        is_photo = file.stem == Path(views[index].name).stem
+        masks[index] = read_mask(file, camera.width, camera.height, lens if is_photo else None)
+    return masks
+
+
+def read_mask(
+    file: Path, width: int, height: int, lens: Lens | None = None
+) -> Float[Tensor, "{height} {width}"]:
+    """The mask in a picture, averaged over the pixels of a view: white is 1, black and transparent
+    0. The distortion of a lens is undone. Raises InputError for a file that is no picture, or of
+    another shape than the view."""
+    with open_picture(file) as picture:
+        levels = np.array(picture.convert("LA"))
+    brightness, opacity = torch.from_numpy(levels).float().div(255).unbind(-1)
+    mask = brightness * opacity
+    rows, columns = mask.shape
+    if abs(columns / rows - width / height) > 0.02 * width / height:
+        raise InputError(
+            f"{file} is {columns}x{rows} and its view {width}x{height}: draw it on the same picture"
         )
-    return mask.float().clamp(0, 1)
+    if lens is not None:
+        mask = undistort(mask[..., None], undistortion(lens.scaled(columns, rows)))[..., 0]
+    return downscale(mask[..., None], width, height)[..., 0].clamp(0, 1)
+
+
+def _view_of(file: Path, names: Mapping[str, Sequence[int]]) -> int:
+    found = names.get(file.stem) or names.get(re.sub(r"^\d+_", "", file.stem), ())
+    if len(found) == 1:
+        return found[0]
+    if found:
+        raise InputError(f"{file}: {len(found)} views are named {file.stem}: rename the photos")
+    listed = ", ".join(list(names)[:4])
+    raise InputError(
+        f"{file} belongs to no view: name it after a view's picture ({listed}, ...) with .png"
+    )

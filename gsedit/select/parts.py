@@ -23,8 +23,7 @@ from scipy.sparse.linalg import spsolve
 from scipy.spatial import KDTree
 
 from gsedit.scene.neighbors import k_nearest, linked
-from gsedit.select.layers import HULL_MARGIN, SEEN, level_patches
-from gsedit.select.stacks import GOES_ON, crossing, flush
+from gsedit.select.layers import GOES_ON, HULL_MARGIN, SEEN, crossing, flush, level_patches
 from gsedit.select.surfaces import Surfaces
 
 LEVELS = 4
@@ -81,21 +80,6 @@ def parts(
         smaller = smaller or _smaller(replace(whole, inside=part))
 
 
-def followed(
-    surfaces: Surfaces,
-    inside: Bool[np.ndarray, " n"],
-    sure: Bool[np.ndarray, " n"],
-    kept: Bool[np.ndarray, " n"],
-) -> Bool[np.ndarray, " n"]:
-    """The sure Gaussians that are kept, with the others inside that are nearest to one of them."""
-    known, others = np.flatnonzero(inside & sure), np.flatnonzero(inside & ~sure)
-    out = kept & sure
-    if len(known) and len(others):
-        _, at = k_nearest(surfaces.points[known], surfaces.points[others], 1)
-        out[others] = kept[known[at[:, 0]]]
-    return out
-
-
 @dataclass(frozen=True, eq=False)
 class _Whole:
     """An object or a part, to be parted."""
@@ -123,7 +107,7 @@ def _smaller(whole: _Whole) -> list[Bool[np.ndarray, " n"]]:
     if sure.sum() < 2 * PER_GROUP or not whole.seeds[sure].any():
         return []
     found = _above_or_below(whole) or _filled(whole)
-    return [followed(whole.surfaces, whole.inside, sure, each) for each in found]
+    return [whole.surfaces.spread(each, sure, whole.inside & ~sure) for each in found]
 
 
 def _above_or_below(whole: _Whole) -> list[Bool[np.ndarray, " n"]]:
@@ -146,7 +130,8 @@ def _above_or_below(whole: _Whole) -> list[Bool[np.ndarray, " n"]]:
         stands = foot.sum() > AMID * len(foot) and flush(surfaces, border).mean() < GOES_ON
         if stands and seen[own] > largest:
             largest = float(seen[own])
-            best = [followed(surfaces, sure, large[number], sure & (number == own))]
+            some = sure & large[number]
+            best = [surfaces.spread(sure & (number == own), some, sure & ~some)]
     return best
 
 

@@ -1,6 +1,8 @@
 """A phrase about a thing of a scene, without a network: color, size, place, up and down, relations.
 
-A noun like "chair" is not known; with a color or place beside it, those decide, and a note says so.
+"The second small red ball from the left on the table" is read as a `Query` over segments, by the
+words of gsedit/words/things.txt and the names of colors. A noun like "chair" is not known; with a
+color or place beside it, those decide, and a note says so.
 """
 
 from __future__ import annotations
@@ -8,25 +10,37 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from colorsys import rgb_to_hsv
+from dataclasses import dataclass, field, replace
+from math import exp
 
 import numpy as np
 from jaxtyping import Bool
 from torch import Tensor
 
 from gsedit.errors import Said, UsageError
-from gsedit.select.looks import APART, names, of_color, white_of
-from gsedit.select.provider import MaskProvider
-from gsedit.select.query import THINGS, Key, Query, Relation, read_phrase
+from gsedit.select.masked import MaskProvider, find_masked
 from gsedit.select.region import Region
 from gsedit.select.segment import Segment, Segments, segment
-from gsedit.words.tokens import tokens
+from gsedit.words.colors import PLAIN, longest
+from gsedit.words.colors import named as color_of
+from gsedit.words.lexicon import things
+from gsedit.words.tokens import MARKS, tokens
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
 
-Subject = Callable[[], Bool[Tensor, " n"] | None]
-"""A map to the flags of the main subject, which is called where a phrase needs it; None: none."""
+KNOWN = things("known")
+"""Nouns that are known without a network, with the kind of segment that each names."""
+THINGS, SKIPPED, UPRIGHT = (frozenset(things(kind)) for kind in ("thing", "skipped", "upright"))
+COUNTS = {word: int(count) for word, count in things("many").items()}
+"""Words of a plural, with the number of things that they say; 0 for any."""
+ORDINALS = {word: int(place) for word, place in things("ordinal").items()}
+SIZES = {word: int(sign) for word, sign in things("size").items()}
+MOST = {word: (value.split()[0], int(value.split()[1])) for word, value in things("most").items()}
+"""Superlatives with the order and the place in it: the first is the largest, or farthest there."""
+SIDES, RELATIONS = things("side"), things("relation")
+EXCEPT = things("except")
 SIDED = frozenset(("left", "right", "front", "back", "middle"))
 """Orders and relations that depend on where one looks from."""
 NEARER = 0.6
@@ -39,6 +53,171 @@ SAYABLE = (
     "say a color, size or place, as in 'the red one', 'the largest', 'second from the left', "
     "'left of the red one', 'the ground' or 'the background'"
 )
+Subject = Callable[[], Bool[Tensor, " n"] | None]
+"""A map to the flags of the main subject, which is called where a phrase needs it; None: none."""
+
+
+# ---- the phrase as a query ----------------------------------------------------------------------
+
+
+@dataclass
+class Query:
+    """One noun phrase, as a query over segments."""
+
+    kind: str = "object"
+    """One of the values of KNOWN, or object."""
+    colors: tuple[str, ...] = ()
+    """Hex colors that it is of."""
+    other_than: tuple[str, ...] = ()
+    """Hex colors that it is not of."""
+    size: int = 0
+    """-1 small, 1 large."""
+    upright: bool = False
+    """Whether the size is its height."""
+    order: str | None = None
+    place: int = 0
+    """Place in the order, from 0; negative from the end."""
+    relations: tuple[tuple[str, tuple[Query, ...]], ...] = ()
+    plural: bool = False
+    count: int = 0
+    """Number of things that are said, 0 for any."""
+    nouns: list[str] = field(default_factory=list)
+    """Words that are none of these, in order."""
+    excluded: tuple[Query, ...] = ()
+    """Things that are left out."""
+
+    @property
+    def unknown(self) -> list[str]:
+        """Nouns that cannot be known without a network."""
+        return [noun for noun in self.nouns if noun not in THINGS]
+
+    @property
+    def asks_network(self) -> bool:
+        """Whether any noun is not known, of what it is related to as well."""
+        others = [each for _, ends in self.relations for each in ends]
+        return bool(self.unknown) or any(each.asks_network for each in (*others, *self.excluded))
+
+    @property
+    def bare(self) -> bool:
+        """Whether nothing but nouns that are not known tells the thing."""
+        return not (
+            self.colors or self.other_than or self.size or self.order or self.relations
+        ) and self.kind in ("object", "subject")
+
+
+def read_phrase(phrase: str) -> tuple[Query, ...]:
+    """The things that a phrase names, one after the other; a phrase without words has none."""
+    return tuple(map(_query, _listed([word for word in tokens(phrase) if word not in MARKS])))
+
+
+def _listed(words: list[str]) -> list[list[str]]:
+    """The parts of "the red one and the blue one"; "between A and B" and colors stay together."""
+    parts, start, between = [], 0, False
+    for at, word in enumerate(words):
+        between |= word == "between"
+        if word not in ("and", "plus") or not words[at + 1 :]:
+            continue
+        after = words[at + 1]
+        known = KNOWN.get(after, "subject") != "subject"
+        if between:
+            between = False
+        elif known or after in ("the", "a", "all", "both", "every"):
+            parts.append(words[start:at])
+            start = at + 1
+    return [part for part in (*parts, words[start:]) if part]
+
+
+def _query(words: list[str]) -> Query:
+    for at in range(1, len(words)):
+        if (used := len(_begins(words[at:], EXCEPT).split())) and at + used < len(words):
+            left_out = tuple(map(_query, _listed(words[at + used :])))
+            return replace(_query(words[:at]), excluded=left_out)
+    query, at = Query(), 0
+    while at < len(words):
+        at += _step(query, words[at:])
+    last = query.nouns[-1] if query.nouns else ""
+    query.plural |= last == "stuff" or (last.endswith("s") and not last.endswith(("ss", "us")))
+    return query
+
+
+def _begins(words: list[str], forms: dict[str, str]) -> str:
+    """The longest of the forms that the words begin with; "" for none."""
+    return max((f for f in forms if words[: len(f.split())] == f.split()), key=len, default="")
+
+
+def _step(query: Query, words: list[str]) -> int:
+    """Read what the words begin with into the query; the number of words that it took."""
+    word = words[0]
+    if word in ("not", "no", "non") and (found := longest(words[1:])):
+        query.other_than += (found[1],)
+        return 1 + found[0]
+    if used := _relation(query, words) or _ranked(query, words):
+        return used
+    if word in KNOWN:
+        if query.kind == "object" or KNOWN[word] != "subject":
+            query.kind, query.plural = KNOWN[word], query.plural or word.endswith("s")
+    elif word in COUNTS:
+        query.plural, query.count = True, COUNTS[word]
+    elif word in SIZES:
+        query.size, query.upright = SIZES[word], word in UPRIGHT
+    elif word in SKIPPED or (word in ("and", "with", "in", "at", "to", "from") and words[1:]):
+        pass
+    elif found := longest(words):
+        query.colors += (found[1],)
+        return found[0]
+    else:
+        query.nouns.append(word)
+    return 1
+
+
+def _relation(query: Query, words: list[str]) -> int:
+    """Read a relation and all that follows it; 0 where the words begin with none."""
+    form = _begins(words[:-1], RELATIONS)
+    relation, rest = RELATIONS.get(form), words[len(form.split()) :]
+    told = [word for word in rest if word not in SKIPPED]
+    if relation is None or form == "nearest" or (relation == "on" and told and _side(rest)):
+        return 0
+    if relation == "beside" and not told:
+        query.order = "front"  # "nearest to the camera"
+        return len(words)
+    split = rest.index("and") if relation == "between" and "and" in rest else None
+    ends = [rest] if split is None else [rest[:split], rest[split + 1 :]]
+    query.relations += ((relation, tuple(_query(each) for each in ends if each)),)
+    return len(words)
+
+
+def _side(words: list[str]) -> tuple[int, str] | None:
+    """(words used, side) of "the left", "left side", "the very back"."""
+    for at, word in enumerate(words[:3]):
+        if word in SIDES:
+            after = words[at + 1 : at + 2]
+            return at + 1 + (after in (["side"], ["end"], ["edge"])), SIDES[word]
+        if word not in ("the", "very", "far", "its"):
+            return None
+    return None
+
+
+def _ranked(query: Query, words: list[str]) -> int:
+    """Read a superlative, an ordinal or a side; 0 where the words begin with none."""
+    word = words[0]
+    if word in MOST:
+        key, place = MOST[word]
+        if query.place and query.order is None:  # "second largest"
+            place = query.place if place == 0 else place - query.place
+        query.order, query.place = key, place
+        return 1
+    if word in ORDINALS:
+        query.place = ORDINALS[word]
+        return 1
+    led = word in ("from", "on", "at", "in", "to")
+    side = _side(words[1:]) if led else (0, SIDES[word]) if word in SIDES else None
+    if side is None or words[1 + side[0] : 2 + side[0]] == ["of"]:
+        return 0
+    query.order = side[1]
+    return 1 + side[0]
+
+
+# ---- the query over segments --------------------------------------------------------------------
 
 
 def find_phrase(
@@ -59,9 +238,7 @@ def find_phrase(
     queries = read_phrase(phrase)
     if not queries:
         raise UsageError(f"the phrase is empty: {SAYABLE}")
-    if masks is not None and any(_unknown(query) for query in queries):
-        from gsedit.select.masked import find_masked
-
+    if masks is not None and any(query.asks_network for query in queries):
         return find_masked(phrase, scene, masks, cameras, execution)
     found = segment(scene, cameras, execution) if segments is None else segments
     finder = _Finder(phrase, found, subject)
@@ -76,19 +253,12 @@ def find_phrase(
     return Region(inside, f"{finder.told(numbers)}{''.join('; ' + each for each in finder.notes)}")
 
 
-def _unknown(query: Query) -> bool:
-    """Whether any noun of a query is not known."""
-    others = [each for _, ends in query.relations for each in ends]
-    return bool(query.unknown) or any(_unknown(each) for each in (*others, *query.excluded))
-
-
 def carrier(segments: Segments) -> Region | None:
     """The thing that most other things stand on, as a table; None where none is stood on."""
-    rows = {row.number: row for row in segments.objects}
-    carried = Counter(row.stands_on for row in rows.values() if row.stands_on in rows)
+    carried = segments.carried
     if not carried:
         return None
-    most = max(carried, key=lambda number: (carried[number], rows[number].size))
+    most = max(carried, key=lambda number: (carried[number], segments.rows[number].size))
     return Region(segments.inside(most), f"what carries {carried[most]} things")
 
 
@@ -99,7 +269,7 @@ class _Finder:
         self.phrase, self.segments, self.subject = phrase, segments, subject
         self.white = white_of(segments)
         self.names = names(segments)
-        self.notes: list[str] = []
+        self.notes: dict[str, None] = {}
 
     def told(self, numbers: Sequence[int]) -> str:
         """Segments by their short names."""
@@ -121,19 +291,16 @@ class _Finder:
     def find(self, query: Query) -> list[Segment]:
         """The segments of a query. Raises UsageError."""
         if query.unknown and not query.bare:
-            self._note(
+            self.notes.setdefault(
                 f"what a {' '.join(query.unknown)} is cannot be known without a network (--masks); "
                 "found by the other words"
             )
         if query.kind == "everything":
             return self._everything(query)
-        if query.kind == "background":
-            kinds = ("background", "sky") if self._kind("background", "sky") else ("wall",)
-            rows = self._kind(*kinds)
-        elif query.kind in ("ground", "sky", "wall"):
-            rows = self._kind(query.kind)
-        else:
-            rows = self._kind("object")
+        kind = "object" if query.kind == "subject" else query.kind
+        rows = self._kind(kind)
+        if kind == "background":
+            rows = self._kind("background", "sky") or self._kind("wall")
         if not rows:
             raise self._refusal(f"the scene has no {query.kind}")
         if query.bare and not query.plural and not query.place:
@@ -168,7 +335,7 @@ class _Finder:
             except UsageError:
                 if not query.colors or not any(each.bare and each.unknown for each in ends):
                     raise
-                self._note(f"'{_SAID[relation]} ...' names nothing known, and is left out")
+                self.notes[f"'{_SAID[relation]} ...' names nothing known, and is left out"] = None
         if query.size:
             rows = self._sized(query, rows)
         if query.order is not None:
@@ -199,7 +366,7 @@ class _Finder:
 
     def _sized(self, query: Query, rows: list[Segment]) -> list[Segment]:
         """The smallest or largest of few, or those beyond the widest step in size of several."""
-        size = _height if query.upright else _size
+        size = _KEYS["height" if query.upright else "size"]
         rows = self._no_furniture(query, rows)
         rows = sorted(rows, key=size, reverse=query.size > 0)
         if len(rows) < 2:
@@ -214,11 +381,10 @@ class _Finder:
     def _no_furniture(self, query: Query, rows: list[Segment]) -> list[Segment]:
         """The rows without what carries several things, where a noun that is not known is said:
         "the big ball" is not the table."""
-        carried = [row.stands_on for row in self._kind("object")]
-        kept = [row for row in rows if carried.count(row.number) < 2]
+        kept = [row for row in rows if self.segments.carried[row.number] < 2]
         return kept if kept and query.unknown else rows
 
-    def _placed(self, query: Query, order: Key, rows: list[Segment]) -> list[Segment]:
+    def _placed(self, query: Query, order: str, rows: list[Segment]) -> list[Segment]:
         """The thing at a place in an order."""
         if order in SIDED:
             self._seen_from()
@@ -233,7 +399,8 @@ class _Finder:
         if not 0 <= place < len(rows):
             raise self._refusal(f"only {len(rows)} are like that", rows)
         if query.plural and query.place == 0 and order in SIDED:
-            return self._halved(rows, order)
+            half = np.median([key(row) for row in self._kind("object")])
+            return [row for row in rows if key(row) > half] or rows[:1]
         beside = [rows[i] for i in (place - 1, place + 1) if 0 <= i < len(rows)]
         here = rows[place]
         if order not in ("size", "height", "middle") and any(
@@ -242,14 +409,8 @@ class _Finder:
             raise self._refusal("they are beside each other in that order", [here, *beside])
         return [here]
 
-    def _halved(self, rows: list[Segment], order: Key) -> list[Segment]:
-        """The things on one side of the middle of all."""
-        key = _KEYS[order]
-        middle = np.median([key(row) for row in self._kind("object")])
-        return [row for row in rows if key(row) > middle] or rows[:1]
-
     def _related(
-        self, relation: Relation, ends: Sequence[Query], rows: list[Segment], query: Query
+        self, relation: str, ends: Sequence[Query], rows: list[Segment], query: Query
     ) -> list[Segment]:
         """The rows that stand so to the things of a relation."""
         others = [self._reference(each, relation) for each in ends]
@@ -288,16 +449,13 @@ class _Finder:
             return rows
         return rows[:1]
 
-    def _reference(self, query: Query, relation: Relation) -> list[Segment]:
+    def _reference(self, query: Query, relation: str) -> list[Segment]:
         """The thing that a relation is to; what carries things is meant by "on the table"."""
         if relation == "on" and query.bare and query.kind == "object":
-            carried = [row.stands_on for row in self._kind("object")]
-            carriers = [row for row in self._kind("object") if row.number in carried]
-            carriers.sort(key=lambda row: -carried.count(row.number))
-            most = [carried.count(row.number) for row in carriers[:2]]
-            if most and (len(most) == 1 or most[0] > most[1]):
-                self._note(f"taken for what carries things: {self.told([carriers[0].number])}")
-                return carriers[:1]
+            (one, most), (_, other), *_ = [*self.segments.carried.most_common(2), (0, 0), (0, 0)]
+            if most > other:
+                self.notes.setdefault(f"taken for what carries things: {self.told([one])}")
+                return [self.segments.rows[one]]
         return self.find(query)
 
     def _main(self, query: Query) -> list[Segment]:
@@ -306,38 +464,30 @@ class _Finder:
         noun = " ".join(query.unknown)
         if noun and THINGS & set(tokens(self.phrase)):
             raise self._refusal(f"what is meant by '{noun}' is not known")
-        if len(rows) == 1:
-            chosen = rows[0]
-        else:
-            flags = None if self.subject is None else self.subject()
-            chosen = None if flags is None else self._covered(rows, flags)
+        chosen = rows[0] if len(rows) == 1 else None
+        if chosen is None and self.subject is not None and (flags := self.subject()) is not None:
+            shares = {row.number: self._overlap(row, flags) for row in rows}
+            best = max(rows, key=lambda row: shares[row.number])
+            chosen = best if shares[best.number] > OVERLAP else None
         if chosen is None:
             if not noun:
                 raise self._refusal("several things are there", rows)
             what = f"what a {noun} is cannot be known without a network"
             raise self._refusal(what, rows, "objects-masks")
         if noun:
-            self._note(f"'{noun}' was taken for the main subject")
+            self.notes.setdefault(f"'{noun}' was taken for the main subject")
         return self._left_out([chosen], query)
 
-    def _covered(self, rows: list[Segment], flags: Bool[Tensor, " n"]) -> Segment | None:
-        """The object that the subject's flags overlap most, if they do."""
-        overlap = {}
-        for row in rows:
-            own = self.segments.inside(row.number)
-            overlap[row.number] = float((own & flags).sum() / (own | flags).sum().clamp_min(1))
-        best = max(rows, key=lambda row: overlap[row.number])
-        return best if overlap[best.number] > OVERLAP else None
+    def _overlap(self, row: Segment, flags: Bool[Tensor, " n"]) -> float:
+        own = self.segments.inside(row.number)
+        return float((own & flags).sum() / (own | flags).sum().clamp_min(1))
 
     def _kind(self, *kinds: str) -> list[Segment]:
         return [row for row in self.segments.rows if row.kind in kinds]
 
-    def _note(self, note: str) -> None:
-        if note not in self.notes:
-            self.notes.append(note)
-
     def _seen_from(self) -> None:
-        self._note(f"left, right, front and back as view {self.segments.view + 1} sees them")
+        view = self.segments.view + 1
+        self.notes.setdefault(f"left, right, front and back as view {view} sees them")
 
     def _refusal(
         self, why: str, among: Sequence[Segment] = (), move: str = "objects"
@@ -353,17 +503,9 @@ class _Finder:
         )
 
 
-def _size(row: Segment) -> float:
-    return row.size
-
-
-def _height(row: Segment) -> float:
-    return row.high[2] - row.low[2]
-
-
-_KEYS: dict[Key, Callable[[Segment], float]] = {
-    "size": _size,
-    "height": _height,
+_KEYS: dict[str, Callable[[Segment], float]] = {
+    "size": lambda row: row.size,
+    "height": lambda row: row.high[2] - row.low[2],
     "left": lambda row: -row.middle[0],
     "right": lambda row: row.middle[0],
     "front": lambda row: -row.middle[1],
@@ -372,13 +514,11 @@ _KEYS: dict[Key, Callable[[Segment], float]] = {
     "bottom": lambda row: -row.low[2],
     "middle": lambda row: -abs(row.middle[0]),
 }
-_SAID: dict[Relation, str] = {
-    "left": "left of", "right": "right of", "front": "in front of", "back": "behind", "on": "on",
-    "under": "under", "above": "above", "beside": "beside", "between": "between",
-}  # fmt: skip
+_SAID = {relation: phrase for phrase, relation in reversed(RELATIONS.items())}
+"""Words for each relation, the first of its row."""
 
 
-def _towards(relation: Relation, row: Segment, other: Segment) -> bool:
+def _towards(relation: str, row: Segment, other: Segment) -> bool:
     """Whether a thing is on a side of another, by more than it is off to it."""
     x, y, _ = np.subtract(row.middle, other.middle)
     along = {"left": -x, "right": x, "front": -y, "back": y}[relation]
@@ -402,3 +542,102 @@ def _from_line(row: Segment, first: Segment, second: Segment) -> float:
     """How much longer the way from one thing to another is by way of a third."""
     a, b, c = (np.array(each.middle) for each in (first, second, row))
     return float(np.linalg.norm(c - a) + np.linalg.norm(c - b) - np.linalg.norm(b - a))
+
+
+# ---- colors and sizes in words: of light and shade, so hue counts more than lightness -----------
+
+HUE, SATURATION, VALUE = 22 / 360, 0.6, 0.4
+"""Differences of hue (of a full circle), saturation and value at which a color is another."""
+GREY_CHROMA, GREY = 0.12, 0.13
+"""Largest chroma (saturation times value) of an asked color that has no hue; and chroma at which
+what is asked for without a hue is another."""
+TINGE = 0.25
+"""Saturation below which a thing has hardly a hue."""
+WHITE_SHARE = 0.95
+"""Share of the seen colors that are darker than what counts as white."""
+OF_COLOR, AS_MUCH = 0.2, 0.6
+"""Least likeness of a thing of a color, and as a share of the most alike one's."""
+BASIC = tuple(name for name in PLAIN if name not in ("grey", "violet"))
+"""Names of colors that things are told by."""
+GREYS, CLEARER = ("black", "white", "gray"), 1.3
+"""Colors without a hue, and how much more a hue counts: a striped thing is told by it."""
+APART = 0.85
+"""Ratio of two sizes below which one is the smaller."""
+
+
+def likeness(segment: Segment, color: str, white: float) -> float:
+    """How much of a segment is of a color "#rrggbb", in [0, 1]; `white`: value of white there."""
+    red, green, blue = (int(color[i : i + 2], 16) / 255 for i in (1, 3, 5))
+    asked = rgb_to_hsv(red, green, blue)
+    return sum(
+        share * _alike(rgb_to_hsv(*rgb), asked, white) for rgb, share in segment.palette
+    ) / max(sum(share for _, share in segment.palette), 1e-9)
+
+
+def _alike(
+    seen: tuple[float, float, float], asked: tuple[float, float, float], white: float
+) -> float:
+    hue, saturation, value = seen
+    value = min(value / white, 1.0)
+    lighter = exp(-(((value - asked[2]) / VALUE) ** 2))
+    if asked[1] * asked[2] < GREY_CHROMA:
+        return lighter * exp(-((saturation * value / GREY) ** 2))
+    turn = abs(hue - asked[0])
+    turn = min(turn, 1 - turn)
+    clear = min(saturation / TINGE, 1.0) ** 2
+    paler = exp(-(((saturation - asked[1]) / SATURATION) ** 2))
+    return clear * lighter * paler * exp(-((turn / HUE) ** 2))
+
+
+def white_of(segments: Segments) -> float:
+    """The value of what is nearly the brightest that is seen, in (0, 1]."""
+    seen = sorted(
+        (max(rgb), share * row.pixels) for row in segments.rows for rgb, share in row.palette
+    )
+    total, below = sum(share for _, share in seen), 0.0
+    for value, share in seen:
+        below += share
+        if below >= WHITE_SHARE * total:
+            return max(value, 0.1)
+    return 1.0
+
+
+def of_color(rows: list[Segment], color: str, white: float) -> list[Segment]:
+    """The segments of a color "#rrggbb", the most alike first."""
+    scores = {row.number: likeness(row, color, white) for row in rows}
+    best = max(scores.values(), default=0.0)
+    alike = [r for r in rows if scores[r.number] >= max(OF_COLOR, AS_MUCH * best)]
+    return sorted(alike, key=lambda row: -scores[row.number])
+
+
+def names(segments: Segments) -> tuple[str, ...]:
+    """A short name for each segment: "large red", "small red", "ground", "gray wall".
+
+    Objects of one color are told apart by size where it differs clearly, else by numbers.
+    """
+    white, colors = white_of(segments), dict[int, str]()
+    for row in segments.rows:
+        scores = {
+            name: likeness(row, color_of(name) or "", white) * (1 if name in GREYS else CLEARER)
+            for name in BASIC
+        }
+        colors[row.number] = max(BASIC, key=lambda name: scores[name])
+    told = {row.number: row.kind for row in segments.rows} | {
+        row.number: colors[row.number] + (" wall" if row.kind == "wall" else "")
+        for row in segments.rows
+        if row.kind in ("object", "wall")
+    }
+    for name, count in Counter(told.values()).items():
+        alike = [row for row in segments.rows if told[row.number] == name]
+        if count > 1:
+            told |= _apart(alike, name)
+    return tuple(told[row.number] for row in segments.rows)
+
+
+def _apart(rows: list[Segment], name: str) -> dict[int, str]:
+    """Names of segments that would have one name."""
+    if len(rows) == 2 and rows[1].size < APART * rows[0].size and rows[0].kind == "object":
+        return {rows[0].number: f"large {name}", rows[1].number: f"small {name}"}
+    if rows[0].kind == "object":
+        return {row.number: f"{name} object {row.number}" for row in rows}
+    return {row.number: f"{name} {i}" for i, row in enumerate(rows, 1)}

@@ -16,19 +16,13 @@ from gsedit.errors import InputError, UsageError
 from gsedit.formats.flags import read_flags
 from gsedit.storage.atomic import atomic_path
 from gsedit.storage.inputs import beside
+from gsedit.words.lexicon import things
 
 if TYPE_CHECKING:
     from jaxtyping import Bool, Float, Int
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9 _-]{0,63}")
 """Letters, digits, blanks, _ and -: no suffix, no path, no colon, as the other regions have."""
-TAKEN = frozenset(
-    ("all", "auto", "everything", "scene", "background", "backdrop", "surroundings", "sky",
-     "ground", "subject", "object", "thing", "rest", "it", "its", "itself", "him", "her", "them",
-     "this", "that", "these", "those", "one", "ones", "other", "copy", "a", "an", "the", "my",
-     "left", "right", "front", "back", "top", "bottom", "middle", "light", "camera")
-)  # fmt: skip
-"""Words that already mean a region, a place or nothing of their own in a sentence."""
 OWNERS = re.compile(r"(?:(?:the|a|an|this|that|these|those|my|our|your|its|his|her|their) )+(?=.)")
 """Words before a name that are no part of it: "the chair", "my chair"."""
 MARK = b"\nscene "
@@ -47,7 +41,7 @@ def check_name(name: str) -> str:
         raise UsageError(
             f"{name!r} is no name for a selection: give letters, digits, blanks, - or _"
         )
-    if key_of_name(name) in TAKEN:
+    if key_of_name(name) in things("taken"):
         raise UsageError(
             f"{name!r} is no name for a selection: sentences mean something else by it; give the "
             "name of the thing, as in --as chair"

@@ -1,10 +1,11 @@
 """A scene as objects on a ground, before walls and a background: segments, told without words.
 
-`n` Gaussians; world units.
+`n` Gaussians, `m` of them in a body, `c` small groups, `e` pairs of neighbors; world units.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -14,9 +15,9 @@ import torch
 from jaxtyping import Bool, Float64, Int
 from torch import Tensor
 
-from gsedit.scene.neighbors import extent_of, k_nearest
-from gsedit.select.pieces import split_touching
-from gsedit.select.stacks import Stacks, find_stacks
+from gsedit.scene.neighbors import extent_of, k_nearest, linked
+from gsedit.scene.quantiles import weighted_quantile
+from gsedit.select.layers import find_stacks, joints_of, numbered
 from gsedit.select.surfaces import Surfaces, look
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
@@ -98,6 +99,12 @@ class Segments:
         """Segments that are objects, the largest first."""
         return tuple(each for each in self.rows if each.kind == "object")
 
+    @property
+    def carried(self) -> Counter[int]:
+        """How many objects stand on each object that one stands on, by its number."""
+        objects = self.objects  # they are the first rows
+        return Counter(r.stands_on for r in objects if 0 <= r.stands_on < len(objects))
+
     def inside(self, *numbers: int) -> Bool[Tensor, " n"]:
         """Flag the Gaussians of the segments with these numbers."""
         return torch.isin(self.labels, torch.tensor(numbers, dtype=self.labels.dtype))
@@ -121,19 +128,20 @@ def segment_surfaces(surfaces: Surfaces) -> Segments:
     """The segments of a scene whose surfaces are known."""
     away = np.linalg.norm(surfaces.points - surfaces.place.center.numpy(), axis=1)
     near = np.full(len(surfaces), True) if surfaces.place.alone else away < surfaces.place.radius
-    stacks = find_stacks(surfaces, near)
-    kinds, labels = _kinds(surfaces, stacks, near, away)
-    labels = _with_hovering(surfaces, _filled(surfaces, labels, kinds), kinds)
-    return _ordered(surfaces, labels, kinds)
+    kinds, labels = _kinds(surfaces, near, away)
+    known = (labels >= 0) & surfaces.solid
+    if not known.any():
+        kinds.append("object")
+        labels = np.full(len(labels), len(kinds) - 1)
+    labels = surfaces.spread(labels, known, labels < 0)
+    return _ordered(surfaces, _with_hovering(surfaces, labels, kinds), kinds)
 
 
 def _kinds(
-    surfaces: Surfaces,
-    stacks: Stacks,
-    near: Bool[np.ndarray, " n"],
-    away: Float64[np.ndarray, " n"],
+    surfaces: Surfaces, near: Bool[np.ndarray, " n"], away: Float64[np.ndarray, " n"]
 ) -> tuple[list[Kind], Int[np.ndarray, " n"]]:
     """The kind of each segment, and labels of what is surely of one; -1 elsewhere."""
+    bodies, ground, walls = find_stacks(surfaces, near)
     labels = np.full(len(surfaces), -1)
     kinds: list[Kind] = []
 
@@ -144,32 +152,25 @@ def _kinds(
 
     sky = _sky(surfaces, near, away)
     far = ~near & ~sky
-    least = (LEAST_SEEN if stacks.ground.any() else LEAST_ALONE) * surfaces.seen[near].sum()
-    for number in np.flatnonzero(_large(surfaces, stacks.body, least)):
-        body = stacks.body == number
+    least = (LEAST_SEEN if ground.any() else LEAST_ALONE) * surfaces.seen[near].sum()
+    for number in range(int(bodies.max()) + 1):
+        body = bodies == number
+        if surfaces.seen[body].sum() < least or body.sum() < LEAST_ROWS:
+            continue
         if np.median(away[body]) > FAR * surfaces.place.radius and not surfaces.place.alone:
             far |= body
             continue
-        support = ~body & (stacks.ground | (stacks.body >= 0))
-        beside = stacks.ground | (stacks.wall >= 0)
+        support = ~body & (ground | (bodies >= 0))
+        beside = ground | (walls >= 0)
         for thing in split_touching(surfaces, body, support):
             if _is_thing(surfaces, thing, beside, least):
                 add(thing, "object")
-    add(stacks.ground, "ground")
-    for number in range(int(stacks.wall.max()) + 1):
-        add(stacks.wall == number, "wall")
+    add(ground, "ground")
+    for number in range(int(walls.max()) + 1):
+        add(walls == number, "wall")
     add(far, "background")
     add(sky, "sky")
     return kinds, labels
-
-
-def _large(
-    surfaces: Surfaces, number: Int[np.ndarray, " n"], least: float
-) -> Bool[np.ndarray, " b"]:
-    on = number >= 0
-    count = int(number.max()) + 1
-    seen = np.bincount(number[on], weights=surfaces.seen[on], minlength=count)
-    return (seen >= least) & (np.bincount(number[on], minlength=count) >= LEAST_ROWS)
 
 
 def _is_thing(
@@ -181,11 +182,7 @@ def _is_thing(
         return False
     if seen > RIM_SEEN * least:
         return True
-    first, second = surfaces.edges.T
-    rim = np.zeros(len(inside), bool)
-    rim[first[inside[first] & beside[second]]] = True
-    rim[second[inside[second] & beside[first]]] = True
-    return bool(rim.sum() < RIM * inside.sum())
+    return bool((surfaces.touches(inside, beside) > 0).sum() < RIM * inside.sum())
 
 
 def _sky(
@@ -199,22 +196,6 @@ def _sky(
     light = surfaces.colors.mean(1) > SKY_LIGHT
     high = (elevation > SKY_ELEVATION) & (away > SKY_DISTANCE * surfaces.place.distance)
     return ~near & cool & light & high
-
-
-def _filled(
-    surfaces: Surfaces,
-    labels: Int[np.ndarray, " n"],
-    kinds: list[Kind],
-) -> Int[np.ndarray, " n"]:
-    """Labels of all: what has none takes that of the nearest solid one that has."""
-    known, open_ = np.flatnonzero((labels >= 0) & surfaces.solid), np.flatnonzero(labels < 0)
-    if not len(known):
-        kinds.append("object")
-        return np.full(len(labels), len(kinds) - 1)
-    if len(open_):
-        _, at = k_nearest(surfaces.points[known], surfaces.points[open_], 1)
-        labels[open_] = labels[known[at[:, 0]]]
-    return labels
 
 
 def _ordered(surfaces: Surfaces, labels: Int[np.ndarray, " n"], kinds: list[Kind]) -> Segments:
@@ -241,8 +222,8 @@ def _row(surfaces: Surfaces, labels: Int[np.ndarray, " n"], number: int, kind: K
     right = torch.linalg.cross(place.up, place.front)
     axes = torch.stack((right, -place.front, place.up)).numpy()
     local = (surfaces.points[rows] - place.center.numpy()) @ axes.T
-    low, high = _quantiles(local, weight, (TAIL, 1 - TAIL))
-    (color,) = _quantiles(surfaces.colors[rows], weight, (0.5,))
+    low, high = (_quantile(local, weight, share) for share in (TAIL, 1 - TAIL))
+    color = _quantile(surfaces.colors[rows], weight, 0.5)
     share = float(weight.sum() / max(surfaces.seen.sum(), 1e-9))
     palette = _palette(surfaces.colors[rows], weight)
     return Segment(number, kind, share, low, high, color, palette, -1)
@@ -262,20 +243,13 @@ def _palette(
     return tuple(((r, g, b), share) for (r, g, b), share in zip(means.tolist(), shares.tolist()))
 
 
-def _quantiles(
-    values: Float64[np.ndarray, "m 3"],
-    weights: Float64[np.ndarray, " m"],
-    shares: tuple[float, ...],
-) -> list[tuple[float, float, float]]:
-    """The least value of each column up to which each share of the weight lies."""
-    order = np.argsort(values, axis=0, kind="stable")
-    below = np.cumsum(weights[order], 0)
-    found = []
-    for share in shares:
-        at = (below < share * below[-1]).sum(0).clip(max=len(values) - 1)
-        x, y, z = np.take_along_axis(values, np.take_along_axis(order, at[None], 0), 0)[0].tolist()
-        found.append((x, y, z))
-    return found
+def _quantile(
+    values: Float64[np.ndarray, "m 3"], weights: Float64[np.ndarray, " m"], share: float
+) -> tuple[float, float, float]:
+    """The least value of each column up to which a share of the weight lies."""
+    found = weighted_quantile(torch.from_numpy(values), torch.from_numpy(weights), share)
+    x, y, z = found.tolist()
+    return x, y, z
 
 
 def _standing(
@@ -290,30 +264,19 @@ def _standing(
             kind == "ground" or (kind == "object" and bottom[i] < bottom[number])
             for i, kind in enumerate(kinds)
         ]
-        own = rows[number]
-        others = np.flatnonzero(surfaces.solid & np.array(carrying)[labels])
-        if not len(own) or not len(others):
+        if not len(own := rows[number]):
             continue
         feet = own[surfaces.heights[own] <= bottom[number]]
         reach = TOUCHING * extent_of(surfaces.points[own])
         reach += 2 * float(np.sqrt(np.median(surfaces.areas[own])))
-        near, at = _below(surfaces, feet, others, reach)
-        if near.mean() >= FEET_TOUCH:
-            under[number] = np.bincount(labels[others[at[near]]]).argmax()
+        low = surfaces.heights <= np.quantile(surfaces.heights[feet], 0.5) + reach
+        others = np.flatnonzero(surfaces.solid & np.array(carrying)[labels] & low)
+        if not len(others):
+            continue
+        far, at = k_nearest(surfaces.points[others], surfaces.points[feet], 1, reach)
+        if np.isfinite(far).mean() >= FEET_TOUCH:
+            under[number] = np.bincount(labels[others[at[np.isfinite(far)]]]).argmax()
     return under
-
-
-def _below(
-    surfaces: Surfaces, feet: Int[np.ndarray, " f"], others: Int[np.ndarray, " o"], reach: float
-) -> tuple[Bool[np.ndarray, " f"], Int[np.ndarray, " f"]]:
-    """Whether the nearest of others is within reach of each foot and no higher; and its index."""
-    low = np.quantile(surfaces.heights[feet], 0.5) + reach
-    others_low = np.flatnonzero(surfaces.heights[others] <= low)
-    if not len(others_low):
-        return np.zeros(len(feet), bool), np.zeros(len(feet), np.int64)
-    distance, at = k_nearest(surfaces.points[others[others_low]], surfaces.points[feet], 1, reach)
-    near = np.isfinite(distance[:, 0])
-    return near, others_low[np.where(near, at[:, 0], 0)]
 
 
 def _with_hovering(
@@ -321,12 +284,12 @@ def _with_hovering(
 ) -> Int[np.ndarray, " n"]:
     """The labels with parts that hover beside a larger object, as a hand, made part of it."""
     under = _standing(surfaces, labels, kinds)
-    things = [i for i, kind in enumerate(kinds) if kind == "object"]
+    things, points = [i for i, kind in enumerate(kinds) if kind == "object"], surfaces.points
     rows = {i: np.flatnonzero((labels == i) & surfaces.solid) for i in things}
-    size = {i: extent_of(surfaces.points[rows[i]]) if len(rows[i]) else 0.0 for i in things}
+    size = {i: extent_of(points[rows[i]]) if len(rows[i]) else 0.0 for i in things}
     for small in sorted((i for i in things if under[i] < 0), key=lambda i: size[i]):
         gaps = {
-            large: _gap(surfaces.points[rows[small]], surfaces.points[rows[large]]) / size[large]
+            large: k_nearest(points[rows[large]], points[rows[small]], 1)[0].min() / size[large]
             for large in things
             if size[large] > size[small] > 0
         }
@@ -335,5 +298,159 @@ def _with_hovering(
     return labels
 
 
-def _gap(first: Float64[np.ndarray, "a 3"], second: Float64[np.ndarray, "b 3"]) -> float:
-    return float(k_nearest(second, first, 1)[0].min())
+# ---- pieces by color, by which things of one body are told apart that touch ----------------------
+
+CELL = 4.0
+"""Side of the cells in which Gaussians are grouped first, in distances between neighbors."""
+GROUPED = 0.3
+"""Least affinity of two neighbors of one group."""
+SAME_COLOR = 0.16
+"""Largest difference of the mean colors (RMS over the channels) of pieces that are joined."""
+LEAST_PIECE = 0.03
+"""Least share of the body's Gaussians that is a piece of its own."""
+ROUNDS = 60
+"""Most rounds of joining; each joins all pairs that are each other's nearest."""
+NECK = 2.5
+"""Most pairs of neighbors between two things that only touch, in square roots of the smaller's
+Gaussians: a patch of color that lies in another has more around it."""
+LEAST_FOOT = 3
+"""Least pairs of neighbors between a piece and what it stands on."""
+
+
+def pieces(surfaces: Surfaces, inside: Bool[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
+    """The number, from 0, of the piece of about one color each Gaussian inside is in; -1: none."""
+    pairs, alike = _pairs_within(surfaces, inside)
+    if not inside.any():
+        return np.full(len(inside), -1)
+    side = CELL * float(np.sqrt(np.median(surfaces.areas[inside]))) or 1.0
+    cells = np.floor(surfaces.points / side).astype(np.int64)
+    together = (cells[pairs[:, 0]] == cells[pairs[:, 1]]).all(1) & (alike > GROUPED)
+    group = numbered(linked(pairs[together], len(inside)), inside)
+    piece = _joined(surfaces.colors[inside], group[inside], group[pairs])
+    out = np.full(len(inside), -1)
+    out[inside] = piece
+    return out
+
+
+def split_touching(
+    surfaces: Surfaces, inside: Bool[np.ndarray, " n"], support: Bool[np.ndarray, " n"]
+) -> list[Bool[np.ndarray, " n"]]:
+    """The things of a body that each stand on the support and only touch; itself if it is one."""
+    piece = pieces(surfaces, inside)
+    count = int(piece.max()) + 1
+    if count < 2:
+        return [inside]
+    pairs, _ = _pairs_within(surfaces, inside)
+    sizes = np.bincount(piece[inside], minlength=count)
+    group = np.arange(count)
+    touches = surfaces.touches(inside, support)[inside]
+    feet = np.bincount(piece[inside], touches, count)
+    while True:
+        size = np.bincount(group, weights=sizes, minlength=count)
+        foot = np.bincount(group, weights=feet, minlength=count)
+        joints, times = joints_of(group[piece[pairs]], count)
+        if not len(joints):
+            break
+        narrow = times / np.sqrt(np.minimum(size[joints[:, 0]], size[joints[:, 1]]))
+        hangs = foot[joints].min(1) < LEAST_FOOT
+        narrow[hangs] += 1000  # what does not stand is of what it hangs on, most of all
+        best = int(narrow.argmax())
+        if narrow[best] < NECK:
+            break
+        group[group == joints[best, 1]] = joints[best, 0]
+    numbers = np.unique(group)
+    return [inside & np.isin(piece, np.flatnonzero(group == each)) for each in numbers]
+
+
+def _pairs_within(
+    surfaces: Surfaces, inside: Bool[np.ndarray, " n"]
+) -> tuple[Int[np.ndarray, "e 2"], Float64[np.ndarray, " e"]]:
+    pairs = surfaces.edges
+    keep = inside[pairs[:, 0]] & inside[pairs[:, 1]]
+    return pairs[keep], surfaces.alike[keep]
+
+
+@dataclass(frozen=True, eq=False)
+class _Groups:
+    """Groups of Gaussians, and which of them are neighbors."""
+
+    sizes: Float64[np.ndarray, " c"]
+    sums: Float64[np.ndarray, "c 3"]
+    """Sums of their colors."""
+    joints: Int[np.ndarray, "j 2"]
+    """Groups that are neighbors, the lower first."""
+    times: Int[np.ndarray, " j"]
+    """Pairs of neighbors between them."""
+
+    @property
+    def apart(self) -> Float64[np.ndarray, " j"]:
+        """Difference of the mean colors of groups that are neighbors, RMS over the channels."""
+        mean = self.sums / self.sizes[:, None]
+        return np.sqrt(np.square(mean[self.joints[:, 0]] - mean[self.joints[:, 1]]).mean(1))
+
+    def joined(self, to: Int[np.ndarray, " c"]) -> _Groups:
+        """The groups that these become; `to` are their numbers."""
+        count = int(to.max()) + 1
+        joints, times = joints_of(to[self.joints], count, self.times)
+        sizes = np.bincount(to, weights=self.sizes, minlength=count)
+        return _Groups(sizes, _summed(self.sums, to, count), joints, times)
+
+
+def _summed(
+    values: Float64[np.ndarray, "m 3"], number: Int[np.ndarray, " m"], count: int
+) -> Float64[np.ndarray, "c 3"]:
+    return np.stack([np.bincount(number, weights=c, minlength=count) for c in values.T], 1)
+
+
+def _joined(
+    colors: Float64[np.ndarray, "m 3"], group: Int[np.ndarray, " m"], pairs: Int[np.ndarray, "e 2"]
+) -> Int[np.ndarray, " m"]:
+    """The piece of each row, from the groups and the pairs of groups that are neighbors."""
+    count = int(group.max()) + 1
+    sizes = np.bincount(group, minlength=count).astype(np.float64)
+    groups = _Groups(sizes, _summed(colors, group, count), *joints_of(pairs, count))
+    for _ in range(ROUNDS):  # by color
+        cost = groups.apart
+        able = cost < SAME_COLOR
+        links = _mutual(groups.joints[able], cost[able], len(groups.sizes))
+        if not len(links):
+            break
+        to = linked(links, len(groups.sizes))
+        group, groups = to[group], groups.joined(to)
+    for _ in range(ROUNDS):  # the small ones with what is most like them, or most around them
+        small = groups.sizes < LEAST_PIECE * len(group)
+        cost = (groups.apart + SAME_COLOR) / groups.times
+        links = _of_the_small(groups.joints, cost, small)
+        if not len(links):
+            break
+        to = linked(links, len(groups.sizes))
+        group, groups = to[group], groups.joined(to)
+    return numbered(group, np.ones(len(group), bool))
+
+
+def _of_the_small(
+    joints: Int[np.ndarray, "j 2"], cost: Float64[np.ndarray, " j"], small: Bool[np.ndarray, " c"]
+) -> Int[np.ndarray, "l 2"]:
+    """The cheapest joint of each small group."""
+    rank, best = _cheapest(joints, cost, len(small))
+    return joints[np.argsort(rank)][best[small & (best < len(joints))]]
+
+
+def _mutual(
+    joints: Int[np.ndarray, "j 2"], cost: Float64[np.ndarray, " j"], count: int
+) -> Int[np.ndarray, "l 2"]:
+    """The joints that cost least for both ends."""
+    rank, best = _cheapest(joints, cost, count)
+    return joints[(best[joints[:, 0]] == rank) & (best[joints[:, 1]] == rank)]
+
+
+def _cheapest(
+    joints: Int[np.ndarray, "j 2"], cost: Float64[np.ndarray, " j"], count: int
+) -> tuple[Int[np.ndarray, " j"], Int[np.ndarray, " c"]]:
+    """The rank of each joint by cost, and that of each group's cheapest; j for a group without."""
+    rank = np.empty(len(joints), np.int64)
+    rank[np.argsort(cost, kind="stable")] = np.arange(len(joints))
+    best = np.full(count, len(joints))
+    for column in joints.T:
+        np.minimum.at(best, column, rank)
+    return rank, best

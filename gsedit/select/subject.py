@@ -8,10 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
+from scipy.spatial import ConvexHull, QhullError
 from torch import Tensor
 
 from gsedit.cameras.around import cameras_of
@@ -20,11 +22,9 @@ from gsedit.scene.cache import cached_per_scene
 from gsedit.scene.neighbors import linked
 from gsedit.scene.quantiles import weighted_quantile
 from gsedit.select.layers import numbered
-from gsedit.select.lift import Lifted, lift, within_silhouette
-from gsedit.select.region import Region, everything
+from gsedit.select.region import Lifted, Region, everything, lift, within_silhouette
 from gsedit.select.saliency import SIDE, salient
 from gsedit.select.segment import Segments, segment_surfaces
-from gsedit.select.standing import block_under
 from gsedit.select.surfaces import Surfaces, look
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
@@ -70,11 +70,6 @@ class _Looked:
     surfaces: Surfaces
     segments: Segments
     """Segments of the surfaces, which are groups of a large scene."""
-
-    @property
-    def labels(self) -> Int[Tensor, " n"]:
-        """Number of the segment of each Gaussian of the scene."""
-        return self.surfaces.expanded(self.segments.labels)
 
 
 def find_subject(
@@ -126,10 +121,13 @@ def _standing_out(looked: _Looked, *, with_carrier: bool) -> tuple[Bool[Tensor, 
     """The Gaussians that stand out, and how they were found; None where nothing does."""
     mean, weight = looked.lifted.mean, looked.lifted.weight
     sure = mean > SURE
-    votes = _votes(looked)
+    count, labels = len(looked.segments.rows), looked.surfaces.expanded(looked.segments.labels)
+    total = torch.bincount(labels, weight.double(), minlength=count).clamp_min(1e-9)
+    means = (torch.bincount(labels, (weight * mean).double(), minlength=count) / total).tolist()
+    votes = {row.number: means[row.number] for row in looked.segments.objects}
     best = max(votes.values(), default=0.0)
     chosen = [i for i, vote in votes.items() if vote >= max(LEAST_VOTE, OF_BEST * best)]
-    inside = torch.isin(looked.labels, torch.tensor(chosen, dtype=torch.long))
+    inside = torch.isin(labels, torch.tensor(chosen, dtype=torch.long))
     held = float(weight[sure & inside].sum() / weight[sure].sum().clamp_min(1e-9))
     if chosen and (held >= COVERED or not sure.any()):
         rows = looked.segments.rows
@@ -137,32 +135,14 @@ def _standing_out(looked: _Looked, *, with_carrier: bool) -> tuple[Bool[Tensor, 
             under = {rows[i].stands_on for i in chosen}
             chosen += [row.number for row in looked.segments.objects if row.number in under]
         else:
-            chosen = _without_carriers(looked.segments, chosen)
+            on = [row for row in map(rows.__getitem__, chosen) if row.stands_on in chosen]
+            apart = {r.stands_on for r in on if r.pixels >= CARRIED * rows[r.stands_on].pixels}
+            chosen = [i for i in chosen if i not in apart]
         return _outlined(looked, chosen, with_carrier=with_carrier), "auto: the subject"
     if float(weight[sure].sum()) < LEAST_PIXELS * float(weight.sum()):
         return None, ""
     top = float(weighted_quantile(mean[sure][:, None].double(), weight[sure].double(), TOP))
     return mean > LIFTED_SHARE * top, "auto: what stands out in pictures"
-
-
-def _votes(looked: _Looked) -> dict[int, float]:
-    """The mean saliency of each object, by its number."""
-    mean, weight, labels = looked.lifted.mean, looked.lifted.weight, looked.labels
-    count = len(looked.segments.rows)
-    total = torch.bincount(labels, weight.double(), minlength=count).clamp_min(1e-9)
-    votes = torch.bincount(labels, (weight * mean).double(), minlength=count) / total
-    return {row.number: float(votes[row.number]) for row in looked.segments.objects}
-
-
-def _without_carriers(segments: Segments, chosen: Sequence[int]) -> list[int]:
-    """The chosen segments without those that a larger one of them stands on."""
-    rows = [segments.rows[i] for i in chosen]
-    carriers = {
-        row.stands_on
-        for row in rows
-        if row.stands_on in chosen and row.pixels >= CARRIED * segments.rows[row.stands_on].pixels
-    }
-    return [i for i in chosen if i not in carriers]
 
 
 def _outlined(looked: _Looked, chosen: Sequence[int], *, with_carrier: bool) -> Bool[Tensor, " n"]:
@@ -184,12 +164,9 @@ def _skirt(looked: _Looked, inside: Bool[np.ndarray, " m"]) -> Bool[np.ndarray, 
     if not inside.any() or not ground.any():
         return np.zeros_like(inside)
     faint = inside & surfaces.solid & (mean < FAINT * np.median(mean[inside]))
-    first, second = surfaces.edges.T
-    both = faint[first] & faint[second]
+    both = faint[surfaces.edges].all(1)
     piece = numbered(linked(surfaces.edges[both], len(surfaces)), faint)
-    beside = np.zeros_like(inside)
-    beside[first[inside[first] & ground[second]]] = True
-    beside[second[inside[second] & ground[first]]] = True
+    beside = surfaces.touches(inside, ground) > 0
     size = np.bincount(piece[faint], minlength=1)
     touching = np.bincount(piece[faint], weights=beside[faint], minlength=1)
     large = size >= LEAST_SKIRT * inside.sum()
@@ -211,3 +188,58 @@ def border_opacity(alphas: Sequence[Float[Tensor, "h w"]]) -> float:
     """The mean opacity along the borders of pictures: near 0 for an object on nothing."""
     sides = [side for a in alphas for side in (a[0], a[-1], a[:, 0], a[:, -1])]
     return float(torch.cat(sides).mean())
+
+
+SLICES = 24
+"""Level slices of a thing."""
+TALL, LOW = 0.1, 0.45
+"""Least and largest height of a block that it stands on, of the height of both."""
+NARROW = 0.5
+"""Largest girth of the thing where it stands on the block, of the block's."""
+FALL = 2
+"""Slices within which the girth falls so far."""
+SOLID = 0.8
+"""Least girth of a block, of the hull around it: feet and legs apart have less."""
+SEEN_ABOVE = 0.7
+"""Least share of what is seen of both that is above the block."""
+LEAST_SLICE = 16
+"""Least Gaussians of a slice that tells a girth."""
+
+
+def block_under(surfaces: Surfaces, inside: Bool[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
+    """Flag the block that the thing inside stands on and is narrower than, as a rock; none if
+    there is no such block. `inside` holds both."""
+    none = np.zeros_like(inside)
+    if inside.sum() < SLICES * LEAST_SLICE:
+        return none
+    heights = surfaces.heights
+    low, high = np.quantile(heights[inside], (0.01, 0.99))
+    edges = np.linspace(low, high, SLICES + 1)
+    girths = [_girth(surfaces, inside, *pair) for pair in pairwise(edges)]
+    for i in range(round(TALL * SLICES), round(LOW * SLICES)):
+        girth = np.median([girths[j][0] for j in range(i)])
+        hull = np.median([girths[j][1] for j in range(i)])
+        after = min(each[0] for each in girths[i : i + FALL])
+        if girth < SOLID * hull or girths[i - 1][0] < NARROW * girth or after > NARROW * girth:
+            continue
+        block = inside & (heights < edges[i])  # a slice higher would take claws along
+        seen = surfaces.seen[inside].sum()
+        if surfaces.seen[inside & ~block].sum() >= SEEN_ABOVE * seen:
+            return block
+    return none
+
+
+def _girth(
+    surfaces: Surfaces, inside: Bool[np.ndarray, " n"], low: float, high: float
+) -> tuple[float, float]:
+    """Length of the surface around a level slice, and of the hull around it."""
+    rows = np.flatnonzero(inside & (surfaces.heights >= low) & (surfaces.heights < high))
+    if len(rows) < LEAST_SLICE:
+        return 0.0, 0.0
+    length = float(surfaces.areas[rows].sum()) / max(high - low, 1e-12)
+    front = surfaces.place.front.numpy()
+    flat = surfaces.points[rows] @ np.stack((front, np.cross(surfaces.up, front)), 1)
+    try:
+        return length, float(ConvexHull(flat).area)  # of a hull in a plane, that is its outline
+    except QhullError:
+        return length, 0.0

@@ -1,4 +1,5 @@
-"""Gaussians of a scene with what tells one object from another: normals, heights, neighbors.
+"""Gaussians of a scene with what tells one object from another: normals, heights, neighbors, and
+values smoothed over the graph of neighbors.
 
 `n` Gaussians; world units.
 """
@@ -8,11 +9,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import cos, radians
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, Float64, Int, Shaped
-from scipy.sparse import coo_matrix
+from jaxtyping import Bool, Float, Float64, Int, Int64, Shaped
+from scipy.sparse import coo_matrix, csr_matrix, diags
+from scipy.sparse.linalg import cg
 from torch import Tensor
 
 from gsedit.cameras.around import cameras_of
@@ -20,7 +23,7 @@ from gsedit.cameras.place import Place, place_of
 from gsedit.datasets.dataset import evenly_spaced
 from gsedit.scene.cache import cached_per_scene
 from gsedit.scene.merging.groups import MAX_GAUSSIANS, MergedScene, coarsen
-from gsedit.select.graph import Neighbors, nearest_of, neighbors
+from gsedit.scene.neighbors import k_nearest
 from gsedit.surface.normals import estimate_normals
 from rasterizer.camera import Camera
 from rasterizer.color_weights import color_weights
@@ -39,6 +42,87 @@ WITHIN = 2.0
 """Largest distance of a camera that looks at what is clicked, of the clicked view's."""
 LARGE = 6.0
 """Gaussians this many times as long as is usual connect nothing: haze and sky."""
+
+NEIGHBOR_COUNT = 8
+"""Nearest neighbors of a Gaussian in the graph."""
+SURFACE_COLOR_RMS = 0.1
+"""Difference of two colors (RMS over channels) at which neighbors count as of two surfaces."""
+SURFACE_ANGLE = 45.0
+"""Degrees between the normals of two neighbors at which they count as of two surfaces."""
+MAX_DISTANCE_RATIO = 3.0
+"""Neighbors farther apart than this many of their typical distances are not connected."""
+SOLVED_TO = 1e-2
+"""Relative residual of smoothed values: they are compared with thresholds, not read."""
+
+
+@dataclass(frozen=True, eq=False)
+class Neighbors:
+    """The nearest neighbors of each Gaussian, and how alike they are."""
+
+    affinity: csr_matrix
+    """n x n, symmetric, in [0, 1]: 1 for two of the same color, 0 for no neighbors."""
+
+
+Near = tuple[Float64[np.ndarray, "n k"], Int64[np.ndarray, "n k"]]
+"""Distances to the nearest of each Gaussian, nearest first, and their rows."""
+
+
+def nearest_of(scene: Gaussians) -> Near:
+    """The NEIGHBOR_COUNT nearest of each Gaussian, or all others where there are fewer."""
+    points = scene.means.detach().double().numpy()
+    distance, rows = k_nearest(points, points, min(NEIGHBOR_COUNT + 1, max(len(points), 1)))
+    return distance[:, 1:], rows[:, 1:]  # the first is the point itself
+
+
+def neighbors(
+    scene: Gaussians, normals: Float[Tensor, "n 3"] | None = None, near: Near | None = None
+) -> Neighbors:
+    """The graph of a scene; its colors are those without view dependence.
+
+    With unit normals, two that face apart by SURFACE_ANGLE are as unlike as two colors of two
+    surfaces. `near` are the nearest of each (`nearest_of`), where they are known.
+    """
+    n = len(scene)
+    if n < 2:
+        return Neighbors(csr_matrix((n, n)))
+    distance, index = nearest_of(scene) if near is None else near
+    typical = np.maximum(np.median(distance, axis=1), 1e-12)
+    colors = sh_to_color(scene.sh[:, 0].detach().double()).clamp(0, 1).numpy()
+    facing = None if normals is None else normals.detach().double().numpy()
+    alike = np.empty(index.shape)
+    for j, near_by in enumerate(index.T):  # all at once would be 24 numbers each in double
+        unlike = np.square(colors - colors[near_by]).mean(1) / (2 * SURFACE_COLOR_RMS**2)
+        if facing is not None:
+            cosine = (facing * facing[near_by]).sum(1).clip(-1, 1)
+            unlike += (1 - cosine) / (1 - cos(radians(SURFACE_ANGLE))) / 2
+        close = distance[:, j] <= MAX_DISTANCE_RATIO * np.sqrt(typical * typical[near_by])
+        alike[:, j] = np.exp(-unlike) * close
+    starts = np.arange(n + 1) * index.shape[1]
+    matrix = csr_matrix((alike.reshape(-1), index.reshape(-1), starts), shape=(n, n))
+    return Neighbors(matrix.maximum(matrix.T).tocsr())
+
+
+def smooth(
+    values: Float[Tensor, " n"],
+    confidence: Float[Tensor, " n"],
+    graph: Neighbors,
+    strength: float,
+    tolerance: float = SOLVED_TO,
+) -> Float[Tensor, " n"]:
+    """Values that are near the given ones where these are sure, and near their neighbors'.
+
+    They minimise sum c_i (x_i - v_i)^2 + strength / 2 sum a_ij (x_i - x_j)^2, with confidences c
+    and affinities a: the random walker with priors (Grady 2005). A Gaussian without confidence
+    takes the mean of its neighbors. `tolerance` is the relative residual: less is needed where few
+    are sure, and most follow them from afar.
+    """
+    c = confidence.double().numpy() + 1e-6
+    degree = np.asarray(graph.affinity.sum(1)).squeeze(1)
+    system = diags(c) + strength * (diags(degree).tocsr() - graph.affinity)
+    given = values.double().numpy()
+    preconditioner = diags(1 / system.diagonal())
+    solved, _ = cg(system, c * given, x0=given, rtol=tolerance, maxiter=200, M=preconditioner)
+    return torch.from_numpy(solved).to(values)
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,6 +192,27 @@ class Surfaces:
         count = np.bincount(pairs.T.reshape(-1), minlength=len(self))
         return total / np.maximum(count, 1)
 
+    def touches(
+        self, inside: Bool[np.ndarray, " n"], others: Bool[np.ndarray, " n"]
+    ) -> Int[np.ndarray, " n"]:
+        """How many neighbors each Gaussian inside has among others, both solid."""
+        both = np.concatenate((self.edges, self.edges[:, ::-1]))
+        first, second = both.T
+        return np.bincount(first[inside[first] & others[second]], minlength=len(self))
+
+    def spread(
+        self,
+        values: Shaped[np.ndarray, " n"],
+        known: Bool[np.ndarray, " n"],
+        others: Bool[np.ndarray, " n"],
+    ) -> Shaped[np.ndarray, " n"]:
+        """The values, with those of the others from the nearest known one."""
+        out, rows, asked = values.copy(), np.flatnonzero(known), np.flatnonzero(others)
+        if len(rows) and len(asked):
+            _, at = k_nearest(self.points[rows], self.points[asked], 1)
+            out[asked] = values[rows[at[:, 0]]]
+        return out
+
 
 @cached_per_scene
 @torch.no_grad()
@@ -151,14 +256,14 @@ def looking_at(
 ) -> tuple[int, ...]:
     """Indices of the cameras that have a point in their pictures and are not much farther from it
     than `camera`; all where none is."""
-    found = []
-    reach = WITHIN * float((camera.center.double() - point).norm())
-    for i, each in enumerate(cameras):
+    reach = WITHIN * (camera.center.double() - point).norm()
+
+    def looks(each: Camera) -> bool:
         (x, y), depth = each.project(point)
         inside = 0 <= x < each.width and 0 <= y < each.height and depth > 0
-        if inside and float((each.center.double() - point).norm()) <= reach:
-            found.append(i)
-    return tuple(found) or tuple(range(len(cameras)))
+        return bool(inside and (each.center.double() - point).norm() <= reach)
+
+    return tuple(i for i, each in enumerate(cameras) if looks(each)) or tuple(range(len(cameras)))
 
 
 def _grouped(scene: Gaussians, place: Place) -> MergedScene | None:

@@ -12,7 +12,6 @@ from rasterizer.lazy import make_lazy
 
 if TYPE_CHECKING:
     from gsedit.select.rules import Selection
-    from gsedit.select.seen import InTheMiddle
     from gsedit.select.where import where
     from gsedit.toolkit.align import AlignLength, AlignTo, AlignToGround
     from gsedit.toolkit.check import check

@@ -18,7 +18,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from gsedit.cameras.choose import find_views, view_names
+from gsedit.cameras.around import find_views, view_names
 from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.errors import UsageError
 from gsedit.measures import metrics

@@ -10,9 +10,8 @@ import numpy as np
 from gsedit.formats.streams import Blocks, SceneHeader
 from gsedit.scene.shapes import Bool
 from gsedit.scene.table import SplatTable, table_of
-from gsedit.select.questions import questions
 from gsedit.select.rules import Selection
-from gsedit.select.where import where
+from gsedit.select.where import questions, where
 from gsedit.toolkit.operation import OnSelection, Say, Scene, apply
 
 if TYPE_CHECKING:

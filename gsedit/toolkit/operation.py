@@ -14,7 +14,7 @@ from gsedit.errors import UsageError
 from gsedit.formats.streams import Blocks, SceneHeader, gather, header_of, in_blocks
 from gsedit.scene.shapes import Bool
 from gsedit.scene.table import SplatTable, gaussians_of, table_of
-from gsedit.select.rules import EVERYTHING, Given, Selection, saved_flags
+from gsedit.select.rules import EVERYTHING, Selection, given, saved_flags
 
 Say = Callable[[str], None]
 """Receives what an operation has to tell a person: one sentence, without the name of a file."""
@@ -110,7 +110,7 @@ class OnOnePart(Operation):
         return self.selection.whole or any(each.whole for each in self.operations)
 
     def apply(self, table: SplatTable, say: Say) -> SplatTable:
-        inside = Given(self.selection.mask(table))
+        inside = given(self.selection.mask(table))
         return apply(table, *(replace(each, selection=inside) for each in self.operations), say=say)
 
 
@@ -152,7 +152,7 @@ def check_saved_flags(operations: Sequence[Operation]) -> None:
         flags = next(saved_flags(operation), None)
         if is_sorted and flags is not None:
             raise UsageError(
-                f"{flags.path} says which rows of the scene's file are meant, and they are in "
+                f"{flags} says which rows of the scene's file are meant, and they are in "
                 "another order by then: put --order after what uses it"
             )
         is_sorted = is_sorted or operation.sorts

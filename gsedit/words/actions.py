@@ -13,10 +13,9 @@ from difflib import get_close_matches
 
 from gsedit.formats.table import READABLE
 from gsedit.words.chosen import parted
-from gsedit.words.deeds import change_of
+from gsedit.words.deeds import change_of, side_of
 from gsedit.words.instruction import Change
 from gsedit.words.phrases import DEFINITE, IT, NUMBERED, PRONOUNS, in_letters, object_phrase
-from gsedit.words.places import side_of
 from gsedit.words.refusals import Refused
 from gsedit.words.scan import scanned
 from gsedit.words.tokens import tokens
@@ -62,8 +61,8 @@ MADE = {"copy": "the copy"}
 
 
 @dataclass(frozen=True)
-class Clause:
-    """One clause of a sentence, and its place in it."""
+class Piece:
+    """One clause of a sentence as text, and its place in it."""
 
     start: int
     end: int
@@ -94,7 +93,7 @@ def actions_of(sentence: str) -> list[Change | OtherClauses] | None:
     files = [name.strip("\"'") for name in FILE.findall(sentence)]
     numbered = iter(range(len(files)))
     text = " ".join(map(_spelt, tokens(FILE.sub(lambda _: f" <{next(numbered)}> ", sentence))))
-    found, last = list[Change | str](), Clause(0, 0, "", False)
+    found, last = list[Change | str](), Piece(0, 0, "", False)
     for clause in _clauses(text):
         change = _action(clause, found)
         if change is None and found and isinstance(found[-1], str):
@@ -117,7 +116,7 @@ def _spelt(word: str) -> str:
     return next(iter(get_close_matches(word, known, n=1, cutoff=0.85)), word)
 
 
-def _clauses(text: str) -> Iterator[Clause]:
+def _clauses(text: str) -> Iterator[Piece]:
     """Clauses between marks and conjunctions."""
     start, last, requested = 0, "", False
     for match in [*BREAK.finditer(text), None]:
@@ -129,13 +128,13 @@ def _clauses(text: str) -> Iterator[Clause]:
         stop = STOP.search(text, end)
         asks = stop is not None and stop[0] == "?" and not requested
         if plain and plain not in COURTESY:
-            yield Clause(start, end, plain[request.end() :] if request else plain, asks)
+            yield Piece(start, end, plain[request.end() :] if request else plain, asks)
         if match is not None:
             start = match.start() if match[0] in LATER else match.end()
             requested &= not STOP.fullmatch(match[0])
 
 
-def _action(clause: Clause, found: list[Change | str]) -> Change | None:
+def _action(clause: Piece, found: list[Change | str]) -> Change | None:
     """The action of a clause after others; None for a clause about something else."""
     before = found[-1] if found else None
     if clause.is_question:

@@ -11,6 +11,7 @@ from dataclasses import replace
 
 from gsedit.words.clauses import CONTENT, NEGATIONS
 from gsedit.words.instruction import Change
+from gsedit.words.lexicon import things
 from gsedit.words.phrases import DEFINITE, IT, NOUNS, RELATION, object_phrase
 from gsedit.words.refusals import Refused
 from gsedit.words.scan import Word, scanned
@@ -23,13 +24,7 @@ DENIALS = NEGATIONS | {"except", "keep", "limit", "down"}
 LONGEST = 12
 """Most words of a phrase."""
 SUBJECT = ("the", "subject")
-TELLING = frozenset(
-    ("large", "larger", "largest", "big", "bigger", "biggest", "huge", "small", "smaller",
-     "smallest", "tiny", "little", "tall", "taller", "tallest", "short", "shorter", "shortest",
-     "leftmost", "rightmost", "highest", "topmost", "lowest", "nearest", "closest", "frontmost",
-     "farthest", "furthest", "left", "right", "front", "back", "rear", "top", "bottom", "middle",
-     "center", "first", "second", "third", "fourth", "fifth", "last")
-)  # fmt: skip
+TELLING = frozenset(things("telling"))
 """Words for a size or a place."""
 THINGS = frozenset(("subject", "background", "scene", "ground"))
 """Kinds of words that name something else than the last phrase does."""
@@ -37,7 +32,7 @@ LOOSE = re.compile(r"\b(?:with|in|at|by)\b")
 """Relations that are also said of a look: "the bear in the rain"."""
 COUNTED = re.compile(r"from the (?:left|right|front|back)\b")
 """Sides from which "the second" is counted."""
-ORDINALS = frozenset(("first", "second", "third", "fourth", "fifth", "last"))
+ORDINALS = frozenset(things("ordinal"))
 BREAKS = MARKS | {"and", "then"}
 LIKE = frozenset(("as", "like", "than"))
 """Words after which a thing is only brought up."""

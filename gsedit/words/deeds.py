@@ -1,53 +1,46 @@
-"""One clause about an object as a change: remove, scale, turn, move, copy, insert. Loads no torch.
+"""One clause about an object as a change: remove, scale, turn, move, copy, insert; and about what
+lies or grows on things. Loads no torch.
 
-Patterns are of a whole clause as `gsedit.words.tokens` spells it: X is an object's phrase, MUCH an
-amount, FAR a distance, AT a place.
+Its patterns, in deeds.txt, are of a whole clause as `gsedit.words.tokens` spells it.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from pathlib import Path
+from typing import cast
 
 from gsedit.words.amounts import amount_of
-from gsedit.words.growing import grown
-from gsedit.words.instruction import Change, Place
+from gsedit.words.instruction import Change, Place, Side
+from gsedit.words.lexicon import things
 from gsedit.words.phrases import IT, object_phrase
-from gsedit.words.places import DISTANCE, distance_of, place_of, side_of
 from gsedit.words.refusals import Refused
 from gsedit.words.scan import scanned
 
-WORD = (
-    r"(?:[+-]?\d+(?:[./]\d+)?|%|a|an|one|two|three|four|five|six|seven|eight|nine|ten|twelve"
-    r"|fifteen|twenty|thirty|forty|fifty|sixty|seventy|eighty|ninety|hundred|and|half|thirds?"
-    r"|quarters?|fifth|tenth|twice|thrice|double|triple|times|x|fold|bit|little|touch|tad|slightly"
-    r"|somewhat|much|lot|far|way|even|about|around|roughly)"
-)
-"""A word of an amount."""
-OWNS = "(?:the|my|this|that|these|those|our|your|his|her|their)"
-HOLES = {
-    "X": r"(?P<x>it|him|her|them|this|that|these|those|itself"
-    rf"|{OWNS} [a-z][a-z0-9' ]*?(?! ones?\b)|(?!{OWNS}\b|a\b|an\b)[a-z]+(?: [a-z]+)??)",
-    "MUCH": rf"(?P<much>{WORD}(?: {WORD})*?)",
-    "FAR": rf"(?:by )?(?P<far>{DISTANCE})",
-    "AT": r"(?:over )?(?P<at>(?:to|on|onto|upon|in|into|at|next|beside|near|nearer|by|behind|before"
-    r"|left|right|leftwards?|rightwards?|forwards?|backwards?|back|close|closer|farther|further|away|up"
-    r"|upwards?|down|downwards?|higher|lower|alongside|towards?|off)\b[a-z0-9' ]*?)",
-    "WAY": r"(?P<way>clockwise|counter ?clockwise|anti ?clockwise"
-    r"|(?:to (?:the|its) )?(?:left|right))",
-    "NOW": r"(?: (?:as |that |than )?(?:it|he|she|they) (?:is|are|was|were)(?: now)?"
-    r"| as (?:now|before))?",
-    "SCENE": r"(?: (?:from|in) (?:the|this) (?:scene|picture|image|photo|shot|view))?",
-    "REMOVE": "(?:remove|removing|delete|erase|eliminate|take away|take out|get rid of|clear away"
-    "|edit out|throw away|throw out)",
-    "BUT": "(?:but|except|except for|apart from|besides|other than)",
-    "MOVE": "(?:move|shift|slide|nudge|relocate|scoot)",
-    "TURN": "(?:turn|rotate|spin|swivel|pivot)",
-    "OLD": "(?:its|the|their) (?:(?:current|original|present|old) )?size",
-    "MANY": r"(?:two|three|four|five|six|ten|several|some|many|a few|\d+)",
-}  # fmt: skip
-ITS = ("the size of {X}", "{X} 's size", "(?:its|the) size")
-"""Ways to name the size of something."""
+NEAR, FAR = 0.25, 1.0
+"""Shares of its size that an object moves "a bit" and "a lot"."""
+SIDED: dict[Side, Side] = {"forward": "front", "back": "behind", "up": "on"}
+"""Side of a thing that a way leads to."""
+BARE: tuple[Side, ...] = ("on", "beside")
+"""Sides that are said without what they are of."""
+TABLE = Path(__file__).with_name("deeds.txt")
+ROWS = [
+    (head, text)
+    for head, mark, text in (line.partition(": ") for line in TABLE.read_text().splitlines())
+    if mark and not head.startswith("#")
+]
+"""Patterns of whole clauses by the deed that they ask for, and parts of them, in order."""
+HOLES = {kind.upper(): "|".join(things(kind)) for kind in ("growth", "withered", "thickness")}
+"""Patterns that stand in others, by their names in braces."""
+for _head, _text in ROWS:
+    if _head.startswith("hole "):
+        HOLES[_head.removeprefix("hole ")] = _text.format_map(HOLES)
+WAYS: dict[Side, str] = {cast("Side", head[4:]): text for head, text in ROWS if head[:4] == "way "}
+SIDES: dict[Side, str] = {
+    cast("Side", head[5:]): text for head, text in ROWS if head[:5] == "side "
+}
+"""Ways to go, and sides of something."""
 LARGER, SMALLER = 1.3, 1 / 1.3
 """Factors of "bigger" and "smaller" without a number: plainly seen."""
 MILD, STRONG = 0.5, 2.0
@@ -65,11 +58,11 @@ def change_of(clause: str) -> Change | None:
     Raises Refused for an amount that cannot be done.
     """
     for pattern, make in PATTERNS:
-        if match := pattern.fullmatch(clause):
+        if match := pattern.fullmatch(SINCE.sub("", clause) if make is _grown else clause):
             said = {name: text or "" for name, text in match.groupdict().items()}
             if change := make(said):
                 return change
-    return grown(clause)
+    return None
 
 
 def _changed(name: str, said: Said, amount: float | None = None) -> Change | None:
@@ -176,7 +169,7 @@ def _copied(said: Said) -> Change | None:
     x = said.get("x", "")
     x = IT if x in ("", "one") else x
     phrase = object_phrase(x)
-    if phrase in (None, x) and x != IT and not re.match(OWNS, x):
+    if phrase in (None, x) and x != IT and not re.match(HOLES["OWNS"], x):
         phrase = object_phrase(f"the {x}")
     place = phrase and side_of(said.get("at") or "beside", phrase)
     if not phrase or not place:
@@ -199,94 +192,88 @@ def _inserted(said: Said) -> Change | None:
     return Change("scene", "object", "insert", None, None, "object", said["file"], place)
 
 
-Make = Callable[[Said], Change | None]
+# ---- places and distances -----------------------------------------------------------------------
 
 
-def _rows(make: Make, *patterns: str) -> Iterator[tuple[re.Pattern[str], Make]]:
-    """Patterns with their holes filled, and who makes a change of what they find."""
-    for each in patterns:
-        for its in ITS if "{ITS}" in each else ("",):
-            yield re.compile(each.replace("{ITS}", its).format_map(HOLES)), make
+def place_of(text: str) -> Place | None:
+    """The place that words name: a way to go, or a side of an object; None for no place."""
+    for side, pattern in WAYS.items():
+        if re.fullmatch(pattern, text) and side not in BARE:
+            return Place(side)
+    for side, pattern in SIDES.items():
+        match = re.fullmatch(rf"(?:{pattern}) (.+)", text)
+        if match and (phrase := object_phrase(_spelled(match[1]))):
+            return Place(side, phrase)
+    return None
 
 
-PATTERNS = (
-    *_rows(
-        _isolated,
-        "{REMOVE} (?:everything|all) {BUT} {X}{SCENE}",
-        "(?:only keep|keep only|isolate|keep nothing but|show only) {X}",
-        "{REMOVE} (?:(?:the )?(?:background|backdrop|surroundings|environment)|everything else"
-        "|the rest(?: of the scene)?)(?: (?:around|behind) {X})?{SCENE}",
-    ),
-    *_rows(
-        _removed,
-        "{REMOVE} {X}{SCENE}",
-        "take {X} (?:away|out)(?: of (?:the|this) (?:scene|picture|image|photo|shot))?",
-        "get {X} out of (?:here|the scene)",
-        "make {X} (?:disappear|vanish|go away|be gone)",
-        "(?:i )?(?:want|need) {X} (?:gone|removed){SCENE}",
-        "{X} (?:should|must|has to|have to|needs to|need to) (?:go|go away|disappear|vanish"
-        "|be gone|be removed|be deleted|be erased){SCENE}",
-        "the (?:scene|picture|image|same) without {X}",
-    ),
-    *_rows(
-        _unwanted,
-        "(?:i )?do not (?:want|need) {X} (?:(?:in )?(?:there|here)(?: any ?more)?|any ?more)",
-    ),
-    *_rows(
-        _scaled,
-        "(?:make|have|render|want) {X} (?:{MUCH} )?(?P<more>bigger|larger|smaller|tinier)"
-        "(?: by (?P<by>.+))?",
-        "(?:by )?(?:{MUCH} )?(?P<more>bigger|larger|smaller)(?: by (?P<by>.+))?",
-        "(?:scale|resize|size) {X} (?P<more>up|down)(?: by {MUCH})?",
-        "(?:scale|size) (?P<more>up|down) {X}(?: by {MUCH})?",
-        "(?:scale|resize) {X} by (?:a factor of )?{MUCH}",
-        "(?P<more>enlarge|magnify|shrink) {X}(?: by (?:a factor of )?{MUCH})?",
-        "(?P<more>increase|reduce|decrease) {ITS}(?: by {MUCH})?",
-        "{X} (?:is|are|looks|look|seems) (?:{MUCH} )?too (?P<more>small|tiny|big|large|huge)",
-    ),
-    *_rows(
-        _of_old,
-        "(?:make|render|scale|want) {X} (?:to )?{MUCH}(?: of)? (?:as (?:big|large)|in size|{OLD})"
-        "{NOW}",
-        "{MUCH} (?:as (?:big|large)|{OLD}){NOW}",
-        "(?:scale|resize|shrink|enlarge|set) {X} to {MUCH}(?: of)?(?: {OLD})?",
-        "(?:reduce|increase|set) {ITS} to {MUCH}",
-        "(?P<more>double|triple|halve) {ITS}",
-        "(?P<more>double|triple|halve) {X} in size",
-    ),
-    *_rows(
-        _turned,
-        "{TURN} {X} (?:by )?{MUCH}(?: (?:degrees|degree|deg))?(?: {WAY})?",
-        "{TURN} {X} {WAY} (?:by )?{MUCH}(?: (?:degrees|degree|deg))?",
-        "{TURN} {X} (?:by )?(?:a )?(?P<part>half|quarter|three quarter)(?: of)?(?: a)? turn"
-        "(?: {WAY})?",
-        "{TURN} {X} (?:around|round|about|back to front|the other way(?: a?round)?)"
-        "(?: (?:so|so that|such that) (?:it|he|she|they) (?:faces?|looks?|points?)"
-        " (?:the other way|backwards?|away))?",
-    ),
-    *_rows(
-        _moved,
-        "(?P<verb>{MOVE}) {X} {AT}",
-        "(?P<verb>{MOVE}) {X} {AT} {FAR}",
-        "(?P<verb>{MOVE}) {X} {FAR} {AT}",
-        "(?:put|place|set|bring|pull|push|drag) {X}(?: {FAR})? {AT}",
-        "(?P<lift>lift|raise|lower) {X}(?: (?:up|down))?(?: {FAR})?",
-    ),
-    *_rows(
-        _inserted,
-        "(?:insert|add|put|place|set|load|import|drop|bring in) (?:the (?:scene|file|object) )?"
-        r"(?P<file><\d+>)(?: (?:in|into) (?:the|this) scene)?(?: {AT})?",
-    ),
-    *_rows(
-        _counted,
-        "(?:(?:put|add|place|set|make|insert|create) )?{MANY} (?:more|other|additional|extra|copies"
-        "|more copies|duplicates)(?: of)?(?: {X})?",
-        "(?:copy|duplicate|clone) {X} {MANY} times",
-    ),
-    *_rows(
-        _copied,
-        "(?:copy|duplicate|clone|replicate) {X}(?: {AT})?",
-        "(?:(?:put|add|place|set|make|insert|create|i want) )?(?:another|a second|one more|an extra"
-        "|a copy of|a duplicate of|a clone of|another copy of|a further)(?: {X})?(?: {AT})?",
-    ),
-)
+def side_of(text: str, phrase: str) -> Place | None:
+    """The side of something that words name, by default of what the phrase names."""
+    if place := place_of(text):
+        side = SIDED.get(place.side, place.side)
+        return None if side == "down" else Place(side, place.of or phrase)
+    return next((Place(side, phrase) for side in BARE if re.fullmatch(WAYS[side], text)), None)
+
+
+def _spelled(text: str) -> str:
+    """The phrase of a thing that a place is of: "the first" is what was there."""
+    return "it" if text in ("the first", "the first one", "the original") else text
+
+
+def distance_of(text: str) -> tuple[float | None, bool]:
+    """(distance, whether in units of the scene) of words; (None, False) for none.
+
+    Raises Refused for a distance in metres: a scene does not know its scale.
+    """
+    if not text:
+        return None, False
+    if re.search(rf"\b(?:{HOLES['METRES']})$", text):
+        raise Refused("distance")
+    words = scanned(text)
+    kinds = {word.kind for word in words}
+    if "slight" in kinds or "strong" in kinds:
+        return (NEAR if "slight" in kinds else FAR), False
+    sized = re.search(rf"(?:%|{HOLES['LENGTH']})", text)
+    number = next((w.number for w in words if w.kind in ("number", "fraction", "factor")), 1.0)
+    return number / (100 if "%" in text else 1), not sized
+
+
+# ---- layers: "make it snow" is weather and "cover it in moss" a material ------------------------
+
+SINCE = re.compile(r" after (?:the |some |heavy )*(?:rain|storm|shower|snowfall)$")
+"""Words that only say why something lies there."""
+THINNEST = 0.9
+"""Largest share by which a layer is made thinner: no layer at all is no change."""
+EVERYWHERE = ("everything", "the scene", "the whole scene", "all of it")
+
+
+def _grown(said: Said) -> Change | None:
+    """A layer of something on an object, or on all that there is."""
+    amount = _thickness(said["thick"]) if said.get("thick") else None
+    where, name = said.get("x"), said["what"]
+    if not where or where in EVERYWHERE:
+        return Change("scene", "growth", name, None, amount, "object")
+    phrase = object_phrase(where, parts=True)
+    return Change("subject", "growth", name, None, amount, "object", phrase) if phrase else None
+
+
+def _thickness(thick: str) -> float:
+    """The share that a layer is thicker than usual, by a word or a number of percent."""
+    if number := re.match(r"[0-9.]+", thick):
+        share = float(number[0]) / 100
+        return -min(share, THINNEST) if thick.endswith("thinner") else share
+    return float(things("thickness")[thick])
+
+
+MAKERS: dict[str, Callable[[Said], Change | None]] = {
+    "isolate": _isolated, "remove": _removed, "unwanted": _unwanted, "scale": _scaled,
+    "resize": _of_old, "turn": _turned, "move": _moved, "insert": _inserted, "count": _counted,
+    "copy": _copied, "grow": _grown,
+}  # fmt: skip
+"""Who makes a change of what a pattern finds, by the deed of its row."""
+PATTERNS = [
+    (re.compile(text.replace("{ITS}", its).format_map(HOLES)), MAKERS[head])
+    for head, text in ROWS
+    if head in MAKERS
+    for its in ([each for kind, each in ROWS if kind == "its"] if "{ITS}" in text else [""])
+]

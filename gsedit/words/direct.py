@@ -3,26 +3,13 @@
 from __future__ import annotations
 
 from gsedit.words.instruction import Change
+from gsedit.words.lexicon import names
 
-LIGHTS = frozenset(
-    (
-        "night", "moonlight", "dusk", "blue hour", "sunset", "golden hour", "sunrise", "sunny",
-        "noon", "daylight", "cloudy", "storm", "fog", "lamp", "candlelight", "studio light",
-        "backlight", "neon", "spotlight", "underwater light",
-    )
-)  # fmt: skip
-"""Names of the lights in gsedit.light.named."""
-SCENERIES = frozenset(
-    (
-        "snow", "frost", "rain", "wet", "desert", "autumn", "spring", "summer", "underwater",
-        "sketch", "watercolor",
-    )
-)  # fmt: skip
-"""Names of weather, seasons and drawings in gsedit.scenery.named."""
-UNCLEAR = frozenset(("cartoon", "pop-art", "blueprint", "thermal", "polaroid"))
+LIGHTS, SCENERIES = names("light"), names("scenery")
+"""Names of the lights in gsedit.light.named, and of weather, seasons and drawings in
+gsedit.scenery.named."""
+UNCLEAR = names("unclear")
 """Looks that only `small` draws, which are refused unless it is asked for by name."""
-ROUTES = {"light": ("light", LIGHTS), "look": ("scenery", SCENERIES)}
-"""Route and names by kind of change."""
 
 
 def light_of(name: str) -> str:
@@ -37,7 +24,8 @@ def direct_route(change: Change) -> str | None:
 
     gsedit.materials.table has every material of the lexicon.
     """
-    if change.kind == "material":
-        return "material"
-    route, names = ROUTES.get(change.kind, ("", frozenset()))
-    return route if light_of(change.name) in names else None
+    if change.kind == "light" and light_of(change.name) in LIGHTS:
+        return "light"
+    if change.kind == "look" and change.name in SCENERIES:
+        return "scenery"
+    return "material" if change.kind == "material" else None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Literal
 
@@ -68,10 +69,15 @@ class Change:
     place: Place | None = None
     """Place that the object gets."""
 
-    def __str__(self) -> str:
-        part = "the whole scene" if self.target == "scene" else f"the {self.target}"
+    @property
+    def part(self) -> str:
+        """Part that changes, in words."""
         if self.phrase not in ("", "it"):
-            part = f"everything but {self.phrase}" if self.target == "background" else self.phrase
+            return f"everything but {self.phrase}" if self.target == "background" else self.phrase
+        return "the whole scene" if self.target == "scene" else f"the {self.target}"
+
+    def __str__(self) -> str:
+        part = self.part
         color = f" ({self.color})" if self.color and self.color != self.name else ""
         match self.kind:
             case "tone":
@@ -160,3 +166,41 @@ class Instruction:
 
     def __str__(self) -> str:
         return "; ".join(map(str, self.changes)) if self.known else self.why
+
+
+# ---- a change as a sentence that reads back as itself -------------------------------------------
+
+
+def sentence_of(changes: Sequence[Change]) -> str | None:
+    """A sentence for changes of tones, paints, materials, sizes, turns and growths; None where one
+    of them is of another kind. Few sentences read back as others, such as those of materials whose
+    name leaves their color out: compare what `read_called` makes of it."""
+    clauses = [clause_of(change) for change in changes]
+    return None if None in clauses else ", and ".join(filter(None, clauses))
+
+
+def clause_of(change: Change) -> str | None:
+    """One change as a clause: "make the subject 20 % darker"; None for other kinds."""
+    part = change.part
+    amount = change.amount or 0.0
+    share = f"{100 * abs(amount):.6g} %"
+    match change.kind, change.name:
+        case "tone", name if name in MORE and change.amount is not None:
+            words = MORE[name][amount < 0]
+            return (
+                f"give {part} {share} {words}" if " " in words else f"make {part} {share} {words}"
+            )
+        case "paint", name if change.color is not None and not name.startswith("between "):
+            return f"paint {part} {name}"
+        case "material", name:
+            return f"make {part} {name}" if change.phrase else f"turn {part} into {name}"
+        case "object", "scale" if change.amount is not None:
+            return f"make {part} {share} {'smaller' if amount < 0 else 'larger'}"
+        case "object", "turn" if change.amount is not None:
+            way = "clockwise" if amount < 0 else "counterclockwise"
+            return f"turn {part} by {360 * abs(amount):.6g} degrees {way}"
+        case "growth", name:
+            thick = f"{share} {'thinner' if amount < 0 else 'thicker'} " if amount else ""
+            where = "" if change.target == "scene" else f" on {part}"
+            return f"put a {thick}layer of {name}{where}"
+    return None

@@ -7,24 +7,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 TABLE = Path(__file__).with_name("lexicon.txt")
+THINGS = TABLE.with_name("things.txt")
 LONGEST = 5
 """Most words of a phrase."""
-HUES = {
-    "redder": "red", "greener": "green", "bluer": "blue", "yellower": "yellow", "pinker": "pink",
-    "browner": "brown", "purpler": "purple", "reddish": "red", "greenish": "green",
-    "yellowish": "yellow", "pinkish": "pink", "purplish": "purple", "oranger": "orange",
-}  # fmt: skip
-"""Color that a word of the kind "hue" turns to."""
-PURE = {
-    "red": "#ff0000", "green": "#00ff00", "blue": "#0000ff", "yellow": "#ffff00",
-    "cyan": "#00ffff", "magenta": "#ff00ff", "orange": "#ff8000", "purple": "#8000ff",
-    "pink": "#ff80c0", "brown": "#804000", "teal": "#008080", "violet": "#8000ff",
-}  # fmt: skip
-"""Colors toward which hue can turn."""
-NEUTRAL = {"gray": ("saturation", -1), "black": ("brightness", -1), "white": ("brightness", 1)}
-"""Tone and sign of more of a color without a hue."""
-COLOR_WARMTH = {"orange": 1, "yellow": 1, "amber": 1, "blue": -1}
-"""Colors whose surplus is too warm or too cold a white balance."""
 
 
 class Entry(NamedTuple):
@@ -34,10 +19,10 @@ class Entry(NamedTuple):
     value: str
 
 
-def _rows() -> list[tuple[str, str, list[str]]]:
-    """(kind, value, phrases) of each row."""
+def rows_of(table: Path) -> list[tuple[str, str, list[str]]]:
+    """(kind, value, phrases) of each row of a table of words."""
     rows = []
-    for line in TABLE.read_text(encoding="utf-8").splitlines():
+    for line in table.read_text(encoding="utf-8").splitlines():
         if line and not line.startswith("# "):
             head, _, phrases = line.partition(":")
             kind, _, value = head.partition(" ")
@@ -47,6 +32,17 @@ def _rows() -> list[tuple[str, str, list[str]]]:
     return rows
 
 
+def names(kind: str) -> frozenset[str]:
+    """Names of a kind in `lexicon.txt`, as light or scenery: each has a painter of its own."""
+    return frozenset(value for told, value, _ in rows_of(TABLE) if told == kind)
+
+
+def things(kind: str) -> dict[str, str]:
+    """Values by the phrases of a kind in `things.txt`, in the order of its rows."""
+    rows = (row for row in rows_of(THINGS) if row[0] == kind)
+    return {phrase: value for _, value, phrases in rows for phrase in phrases}
+
+
 SETS = (
     "tinge", "thing", "time", "adj", "trim", "paint", "made", "foreign", "too", "lack", "mend",
     "act", "drawn", "flaw", "cure", "shade", "emits",
@@ -54,15 +50,19 @@ SETS = (
 """Kinds that tell more of a phrase, whatever else it means."""
 
 
+DRAWN = ("scenery", "unclear")
+"""Kinds of looks: those that Gaussians take, and those that are refused."""
+
+
 @lru_cache(1)
 def entries() -> dict[str, Entry]:
     """Meanings by phrase; of a phrase of two rows, the later one's."""
     table = dict[str, Entry]()
-    for kind, value, phrases in sorted(_rows(), key=lambda row: row[0] not in SETS):
+    for kind, value, phrases in sorted(rows_of(TABLE), key=lambda row: row[0] not in SETS):
         if kind == "material":
             value = value.partition(" #")[0]
             phrases = [value, *phrases]
-        told = "fill" if kind in SETS else kind
+        told = "fill" if kind in SETS else "look" if kind in DRAWN else kind
         table.update({phrase: Entry(told, value or phrase) for phrase in phrases})
     return table
 
@@ -71,7 +71,7 @@ def entries() -> dict[str, Entry]:
 def sets() -> dict[str, frozenset[str]]:
     """Phrases by each kind of `SETS`."""
     found: dict[str, frozenset[str]] = dict.fromkeys(SETS, frozenset())
-    for kind, _, phrases in _rows():
+    for kind, _, phrases in rows_of(TABLE):
         if kind in found:
             found[kind] |= set(phrases)
     return found
@@ -80,12 +80,12 @@ def sets() -> dict[str, frozenset[str]]:
 @lru_cache(1)
 def materials() -> dict[str, str]:
     """Base colors, "#rrggbb", by the names of materials."""
-    rows = [value.split(" #") for kind, value, _ in _rows() if kind == "material"]
+    rows = [value.split(" #") for kind, value, _ in rows_of(TABLE) if kind == "material"]
     return {name: f"#{color}" for name, color in rows}
 
 
 @lru_cache(1)
 def shades() -> dict[str, tuple[float, float]]:
     """Step in lightness L* and factor of chroma of each word such as "dark" before a color."""
-    rows = [(value.split(), phrases) for kind, value, phrases in _rows() if kind == "shade"]
+    rows = [(value.split(), phrases) for kind, value, phrases in rows_of(TABLE) if kind == "shade"]
     return {each: (float(step), float(chroma)) for (step, chroma), row in rows for each in row}

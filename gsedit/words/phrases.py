@@ -1,19 +1,20 @@
-"""Phrases that name an object of a scene, and what may not be taken for one. Loads no torch."""
+"""Phrases that name an object of a scene, also with what it stands on ("the statue and its base"),
+and what may not be taken for one. Loads no torch."""
 
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
-from gsedit.words.parts import DETERMINERS
+from gsedit.words.clauses import DETERMINERS
+from gsedit.words.instruction import Change, Instruction
+from gsedit.words.lexicon import things
 from gsedit.words.scan import Word, scanned
 
 IT = "it"
 """Phrase of the scene's main subject, or of what was named before."""
-PRONOUNS = frozenset(
-    ("it", "him", "her", "them", "itself", "this", "that", "these", "those", "this one", "that one",
-     "this thing", "that thing", "the subject", "the main subject", "the object", "the main object",
-     "the copy", "the new one", "the duplicate", "the clone")
-)  # fmt: skip
+PRONOUNS, NO_THINGS = frozenset(things("pronoun")), frozenset(things("nothing"))
+"""Phrases of what IT is, and words that tell a part of an object, or none."""
 NEVER = frozenset(
     ("light", "look", "noun", "style", "turn", "hue", "not", "drop", "except", "keep", "limit",
      "same", "or", "ask", "wish", "do", "be", "touch", "up", "down", "part", "lack", "enough",
@@ -21,17 +22,6 @@ NEVER = frozenset(
      "factor", "unit", "intense", "slight", "strong")
 )  # fmt: skip
 """Kinds of words that are in no name of an object."""
-NO_THINGS = frozenset(
-    ("head", "face", "foreground", "camera", "view", "lens", "frame", "perspective", "angle",
-     "resolution", "quality", "size", "shape", "focus", "world", "clockwise", "anticlockwise",
-     "counterclockwise", "reflection", "reflections", "blur", "noise", "grain", "watermark",
-     "glow", "caption", "artifacts", "floaters", "scratch", "scratches", "stain", "stains",
-     "crack", "cracks", "wrinkles", "hole", "holes", "edge", "edges", "corner", "detail",
-     "details", "horizon", "of", "to", "from", "off", "into", "and", "over", "cm",
-     "meter", "meters", "inches", "feet", "pixels", "units", "width", "height", "way", "around",
-     "so", "faces", "anymore")
-)  # fmt: skip
-"""Words that could stand in the name of an object, and tell a part of one, or none."""
 HEADS = frozenset(("subject", "ground", "unknown"))
 """Kinds of words that can end the name of an object."""
 NOUNS = frozenset(("one", "ones", "two", "three", "thing", "things", "object", "objects"))
@@ -40,16 +30,8 @@ RELATION = re.compile(
     r"|\b(?:next to|in front of|on top of|beside|near|behind|under|above|below|by|on|in|at|with)\b"
 )
 """Words that begin the place by which an object is told from others."""
-GROUNDS = frozenset(
-    ("the ground", "the floor", "the grass", "the lawn", "the street", "the road", "the pavement",
-     "the soil", "the carpet")
-)  # fmt: skip
-"""Phrases of what everything stands on."""
-CARRIERS = frozenset(
-    ("the table", "the desk", "the shelf", "the slab", "the pedestal", "the plinth", "the base",
-     "the stand", "the bench", "the counter", "the plate", "the tray")
-)  # fmt: skip
-"""Phrases of what things are put on, which is seldom the subject."""
+GROUNDS, CARRIERS = frozenset(things("floor")), frozenset(things("carrier"))
+"""Phrases of what everything stands on, and of what carries things, which is seldom the subject."""
 DEFINITE = DETERMINERS | {"these", "those"}
 
 NUMBERED = re.compile(r"\b(?:the )?object ?(\d+)\b", re.IGNORECASE)
@@ -115,3 +97,30 @@ def is_noun(phrase: str) -> bool:
     words = [word for word in scanned(phrase) if word.text not in DEFINITE]
     ranked = words[-1].text.endswith(("est", "most"))  # "the largest"
     return len(words) == 1 and words[0].kind in ("subject", "unknown") and not ranked
+
+
+BASED = "it with its base"
+"""Phrase of the subject with what it stands on."""
+_BASE = r"(?:base|plinth|pedestal|stand|socle|slab|rock|stone|support)"
+WITH_BASE = re.compile(
+    rf",? (?:and|with|plus|including|along with|together with) (?:its|his|her|their) {_BASE}\b"
+    rf"|,? (?:with|including|along with|together with) the {_BASE}\b",
+    re.IGNORECASE,
+)
+
+
+def without_base(sentence: str) -> str:
+    """The sentence without words that add to the subject what it stands on."""
+    return WITH_BASE.sub("", sentence)
+
+
+def with_base(read: Instruction, sentence: str) -> Instruction:
+    """The reading of `without_base(sentence)`, for the subject with what it stands on."""
+    changes = tuple(map(_based, read.changes))
+    why = "; ".join(map(str, changes)) if read.known else read.why
+    return replace(read, text=sentence, why=why, changes=changes)
+
+
+def _based(change: Change) -> Change:
+    is_subject = change.phrase in ("", IT) or is_noun(change.phrase)
+    return replace(change, phrase=BASED) if change.target == "subject" and is_subject else change

@@ -9,22 +9,24 @@ from dataclasses import dataclass, field, replace
 from gsedit.words import lexicon
 from gsedit.words.actions import OtherClauses, actions_of
 from gsedit.words.amounts import amount_of
-from gsedit.words.based import with_base, without_base
 from gsedit.words.chosen import DENIALS, looks_of
-from gsedit.words.clauses import CONTENT, TARGETS, Clause, clauses
-from gsedit.words.instruction import MOST, Change, Instruction, Target
-from gsedit.words.looks import routed
-from gsedit.words.parts import (
+from gsedit.words.clauses import (
+    CONTENT,
     DETERMINERS,
     PARTS,
+    TARGETS,
+    Clause,
     Parts,
+    clauses,
     is_thing,
     named_parts,
     part_of,
     refuse_idle,
     refuse_parts,
 )
-from gsedit.words.phrases import IT, NUMBERED, PRONOUNS
+from gsedit.words.instruction import MOST, Change, Instruction, Target
+from gsedit.words.looks import routed
+from gsedit.words.phrases import IT, NUMBERED, PRONOUNS, with_base, without_base
 from gsedit.words.refusals import REASONS, Refused, first_refusal
 from gsedit.words.scan import Word, scanned
 from gsedit.words.solids import directed, refuse_amount, scenes, shone, solids

@@ -15,21 +15,10 @@ from gsedit.words.scan import Word
 
 Solids = list[tuple[int, Change]]
 """Changes with their places in a clause."""
-LAMPS = frozenset(
-    ("moonlight", "lamp", "candlelight", "sunny", "neon", "spotlight", "studio light", "backlight",
-     "underwater light")
-)  # fmt: skip
-"""Lights whose brightness is their own, not that of a time of day."""
-ENDS = frozenset(
-    ("end", "stop", "stops", "past", "lift", "lifts", "lifted", "clears", "clear", "pass", "passes",
-     "passed", "finished", "done", "finish", "melted", "melts", "thaws", "thawed",
-     "ends", "thins", "dries")
-)  # fmt: skip
-"""Words after the name of a weather that say that it is over."""
+LAMPS, UNSIDED, ENDS = (frozenset(lexicon.things(kind)) for kind in ("lamp", "unsided", "over"))
+"""Lights whose brightness is their own, lights from no side, and words for what is over."""
 THINNER = frozenset(("thinner", "sparser", "lighter"))
 DENSER = frozenset(("denser", "thicker", "heavier"))
-UNSIDED = frozenset(("fog", "cloudy", "storm", "blue hour"))
-"""Lights without a sun or lamp."""
 GLOW = "glow"
 """Material of any color."""
 SHINES = ("shine", "shines", "shining")

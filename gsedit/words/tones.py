@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from gsedit.words import lexicon
 from gsedit.words.amounts import Amount, amount_of
 from gsedit.words.clauses import Clause
 from gsedit.words.instruction import Change
+from gsedit.words.lexicon import things
 from gsedit.words.refusals import Refused
 from gsedit.words.scan import Word
 
@@ -105,15 +105,15 @@ def hues(clause: Clause) -> list[Change]:
     if not words:
         return [tone("hue", sign * given.turn)] if given.turn else []
     word = words[0]
-    name = lexicon.HUES.get(word.text, word.text)
-    color = lexicon.PURE.get(name, word.color)
+    name = things("hue").get(word.text, word.text)
+    color = things("pure").get(name, word.color)
     name = name.removesuffix("s")  # "boost the whites"
-    if name in lexicon.NEUTRAL:
-        tone_of, way = lexicon.NEUTRAL[name]
-        return [tone(tone_of, _amount(given, clause, tone_of, sign * way))]
-    if name in lexicon.COLOR_WARMTH and less:
+    if neutral := things("neutral").get(name):
+        tone_of, way = neutral.split()
+        return [tone(tone_of, _amount(given, clause, tone_of, sign * int(way)))]
+    if (warm := things("warm").get(name)) and less:
         size = abs(given.share or DEFAULT["warmth"] * _scale(clause))
-        return [tone("warmth", -lexicon.COLOR_WARMTH[name] * size)]
+        return [tone("warmth", -int(warm) * size)]
     return [tone("hue", sign * (given.turn or DEFAULT["hue"] * _scale(clause)), color)]
 
 

@@ -19,8 +19,8 @@ from gsedit.app.moves import on_page
 from gsedit.app.opening import earlier, go_on, make_scene, open_path, receive
 from gsedit.app.worker import Cancelled, Worker
 from gsedit.errors import GseditError, UsageError
+from gsedit.formats.flags import read_flags
 from gsedit.formats.scenes import save
-from gsedit.select.region import read_flags
 from gsedit.select.saved import save_named, saved_names
 
 

@@ -7,8 +7,8 @@ from math import pi
 import pytest
 import torch
 
-from gsedit.cameras import choose, panorama, search
-from gsedit.cameras.choose import find_up, find_views, normals_from_depth, upright
+from gsedit.cameras import search
+from gsedit.cameras.around import find_up, find_views, normals_from_depth, upright
 from gsedit.cameras.search import SearchEffort, ViewConstraints
 from rasterizer import Gaussians, concatenate, look_at, render
 
@@ -89,9 +89,9 @@ def test_the_same_scene_gives_the_same_views():
 
 
 def test_bins_tile_the_sphere_and_directions_fall_into_their_own():
-    directions, solid = panorama.bin_directions()
+    directions, solid = search.bin_directions()
     assert float(solid.sum()) == pytest.approx(4 * pi, rel=3e-3)  # midpoint rule
-    assert torch.equal(panorama._bins(directions), torch.arange(len(solid)))
+    assert torch.equal(search._bins(directions), torch.arange(len(solid)))
 
 
 def test_a_panorama_shows_the_nearest_surface_only():
@@ -99,9 +99,9 @@ def test_a_panorama_shows_the_nearest_surface_only():
         splats(torch.tensor([[2.0, 0, 0]]), torch.full((1, 3), 0.5)),
         splats(torch.tensor([[9.0, 0, 0], [0, -4.0, 0]]), torch.full((2, 3), 0.5)),
     )
-    sample = panorama.draw_sample(scene, torch.Generator().manual_seed(0))
-    seen = panorama.panorama(sample, torch.zeros(3))
-    directions, solid = panorama.bin_directions()
+    sample = search.draw_sample(scene, torch.Generator().manual_seed(0))
+    seen = search.panorama(sample, torch.zeros(3))
+    directions, solid = search.bin_directions()
     assert (seen.weight <= solid * (1 + 1e-5)).all()
     ahead = int((directions @ torch.tensor([1.0, 0.02, 0.02])).argmax())
     assert float(seen.log_distance[ahead] / seen.weight[ahead]) == pytest.approx(
@@ -139,7 +139,7 @@ def test_up_is_the_normal_of_the_ground_not_of_a_wall_that_is_faced():
 
 def test_upright_turns_about_the_view_only():
     camera = look_at(torch.tensor([1.0, 2, 3]), torch.zeros(3), torch.tensor([1.0, 0, 0]),
-                     choose.FOV, 40, 40)  # fmt: skip
+                     search.FOV, 40, 40)  # fmt: skip
     turned = upright(camera, torch.tensor([0.0, 0, 5]))
     assert torch.allclose(turned.forward, camera.forward)
     assert torch.allclose(turned.center, camera.center)

@@ -10,7 +10,7 @@ import torch
 from point_clouds import ball
 
 from gsedit import orbit
-from gsedit.cameras.choose import find_views
+from gsedit.cameras.around import find_views
 from gsedit.cameras.orbit import circle, perpendicular
 from gsedit.cameras.search import ViewConstraints
 from gsedit.errors import UsageError

@@ -14,7 +14,7 @@ from PIL import Image
 from playroom import playroom
 
 from gsedit import save
-from gsedit.cameras.choose import find_views
+from gsedit.cameras.around import find_views
 from gsedit.cameras.search import SearchEffort
 from gsedit.datasets.cameras_json import write_cameras
 from gsedit.datasets.viewpoints import Viewpoint

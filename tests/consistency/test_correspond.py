@@ -93,12 +93,6 @@ def test_match_is_symmetric():
     torch.testing.assert_close(there.error, back.error[order], atol=0, rtol=0)
 
 
-def test_each_cell_is_used_once():
-    a, b = (seen(c, occluded_depth(c)) for c in FOUR[:2])
-    pairs = match(*a, *b, cell=CELL)
-    assert len(pairs.a.unique()) == len(pairs.a) == len(pairs.b.unique())
-
-
 def test_moving_the_world_moves_nothing():
     turn = torch.linalg.qr(torch.randn(3, 3, generator=torch.Generator().manual_seed(0)).double())[
         0
@@ -257,12 +251,6 @@ def test_clusters_are_what_the_greedy_loop_over_sets_says():
     expected = {frozenset(v * 256 + i for v, i in g) for g in group.values() if len(g) > 1}
     assert refused > 20
     assert clusters(correspond(FOUR, depths, alphas, cell=CELL).labels) == expected
-
-
-def test_identical_views_form_one_cluster_a_cell():
-    found = correspond(*stacked([FOUR[0]] * 3, lambda c: plane_depth(c, SLANTED)), cell=CELL)
-    assert torch.equal(found.labels, torch.arange(256).reshape(1, 16, 16).expand(3, -1, -1))
-    assert torch.equal(found.matched, torch.ones(3, 3).double())
 
 
 def test_one_view_or_empty_depth_matches_nothing():

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 import torch
-from walls import FOUR, occluded_depth
+from walls import FOUR, SLANTED, occluded_depth, plane_depth, seen
 
-from gsedit.consistency.harmonise_by_depth import Surface, harmonise_by_depth
-from gsedit.consistency.warp import warp_of
+from gsedit.consistency.depth_maps import warp_of
+from gsedit.consistency.harmonise import Surface, harmonise_by_depth
 
 ANCHORED = torch.tensor([True, False, False, False])
 
@@ -121,3 +121,50 @@ def test_the_order_of_views_only_permutes(surfaces, truth):
     straight = harmonise_by_depth(tinted, surfaces)
     permuted = harmonise_by_depth(tinted[order], [surfaces[i] for i in order])
     torch.testing.assert_close(permuted, straight[order])
+
+
+# ---- a picture seen through another view ---------------------------------------------------------
+
+
+def paint(view, depth):
+    """Colors by world position, smooth over many pixels."""
+    points = view.unproject(view.pixel_centers(), depth)
+    return 0.5 + 0.4 * torch.sin(3 * points + torch.tensor([0.0, 1.0, 2.0]))
+
+
+def test_a_painted_scene_looks_the_same_through_another_view():
+    a, b = FOUR[1], FOUR[2]
+    wall = [plane_depth(c, SLANTED) for c in (a, b)]
+    warp = warp_of(*seen(a, wall[0]), *seen(b, wall[1]))
+    found, valid = warp(paint(b, wall[1])), warp.valid
+    assert valid.double().mean() > 0.8
+    # bilinear in 0.4 sin(3 x) between pixels up to 0.05 apart: 9 x 0.4 x 0.05^2 / 8, in x and y
+    assert (found - paint(a, wall[0]))[valid].abs().max() < 2.3e-3
+    assert (found[~valid] == 0).all()
+
+
+def test_what_is_hidden_is_not_warped():
+    a, b = FOUR[1], FOUR[2]
+    xy = a.pixel_centers()
+    true, z = b.project(a.unproject(xy, occluded_depth(a)))
+    hidden = z > 1.02 * occluded_depth(b, true)
+    views = [*seen(a, occluded_depth(a)), *seen(b, occluded_depth(b))]
+    valid = warp_of(*views).valid
+    assert hidden.sum() > 100
+    assert not valid[hidden].any()
+
+
+def test_a_surface_at_another_depth_is_not_warped():
+    view, depth, alpha = seen(FOUR[0])
+    valid = warp_of(view, depth, alpha, view, 1.02 * depth, alpha).valid
+    assert not valid.any()  # though from the same camera every pixel returns to itself
+
+
+def test_warping_into_the_same_view_changes_nothing():
+    view = seen(FOUR[0], plane_depth(FOUR[0], SLANTED))
+    image = torch.rand(128, 128, 3, generator=torch.Generator().manual_seed(0))
+    warp = warp_of(*view, *view)
+    assert warp.valid.all()
+    torch.testing.assert_close(
+        warp(image), image, atol=2e-5, rtol=0
+    )  # 128 px x eps32 in the sample grid

@@ -10,7 +10,7 @@ import torch
 from point_clouds import ball
 
 from gsedit import Dataset, View, orbit
-from gsedit.cameras.choose import find_views
+from gsedit.cameras.around import find_views
 from gsedit.cameras.search import SearchEffort
 from gsedit.datasets.viewpoints import Viewpoint, dataset_near, viewpoints_near
 from gsedit.scene.framing import framing_camera

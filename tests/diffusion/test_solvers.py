@@ -16,9 +16,8 @@ from research.sampler.mixtures import (
     mixture_problem,
     noised_draw,
 )
-from sampler_runs import FLOW, SD, SOLVERS, UNGUIDED, generator, last, pair, run
+from sampler_runs import FLOW, SD, UNGUIDED, generator, last, pair, run
 
-from gsedit.diffusion.guidance import Need
 from gsedit.diffusion.sampler import ancestral, levels_of, sample, straight_on
 from gsedit.diffusion.schedules import NoiseLevel, Schedule, karras_sigmas
 from gsedit.diffusion.settings import SamplerSettings
@@ -195,19 +194,3 @@ def test_ancestral_needs_a_generator_and_one_step_draws_nothing():
         last(sample(model, None, x, settings))
     ended = last(sample(model, None, x, settings, generator=generator())).x
     assert torch.equal(ended, run(model, replace(settings, solver="euler")))
-
-
-def test_evaluations_of_each_solver():
-    """One a step; heun two, but for the last step, which ends at no noise."""
-    for solver in SOLVERS:
-        needs = []
-
-        class Counting(MixtureProblem):
-            def branches(self, x, t, condition, need, needs=needs):
-                needs.append(need)
-                return super().branches(x, t, condition, need)
-
-        base = mixture_problem(0.5)
-        fields = {name: getattr(base, name) for name in ("text_image", "image", "none")}
-        run(Counting(**fields), replace(UNGUIDED, solver=solver, steps=6))
-        assert needs == [Need(True, False, False)] * (11 if solver == "heun" else 6)

@@ -15,7 +15,6 @@ from gsedit.errors import UsageError
 from gsedit.light.named import LIGHTS, Fog, Lamp, LightSetup, Sun, direction_of, setup_of
 from gsedit.light.relight import relit
 from gsedit.select.region import everything
-from gsedit.words import direct
 from gsedit.words.instruction import Change
 from rasterizer.numerics import color_to_sh, sh_to_color
 from rasterizer.scene import Gaussians, concatenate
@@ -149,10 +148,6 @@ def test_outside_a_region_no_bit_changes(scene):
     assert torch.equal(after.sh[~inside], scene.sh[~inside])
     assert not torch.equal(after.sh[inside], scene.sh[inside])
     assert torch.equal(after.means, scene.means)
-
-
-def test_every_light_that_a_sentence_names_has_a_setup():
-    assert set(LIGHTS) == direct.LIGHTS
 
 
 @pytest.mark.parametrize("name", ["lamp", "studio light", "fog"])

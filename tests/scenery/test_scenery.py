@@ -15,7 +15,6 @@ from gsedit.light.present import survey
 from gsedit.scenery.named import SCENERIES, autumn, in_scenery, snow
 from gsedit.scenery.setting import Setting, greenness
 from gsedit.surface.noise import noise
-from gsedit.words import direct
 from gsedit.words.instruction import Change
 from rasterizer.harmonics import colors
 from rasterizer.numerics import color_to_sh, sh_to_color
@@ -128,10 +127,6 @@ def test_outside_a_region_no_coefficient_changes(scene, name):
     assert after.sh.isfinite().all()
     assert torch.equal(after.sh[~inside, :1], scene.sh[~inside])
     assert not after.sh[~inside, 1:].any()
-
-
-def test_every_scenery_that_a_sentence_names_is_there():
-    assert set(SCENERIES) == direct.SCENERIES
 
 
 def test_an_unknown_scenery_is_refused(scene):

@@ -7,9 +7,10 @@ from dataclasses import replace
 import pytest
 import torch
 from playroom import playroom
+from regions_iou import iou
 
 from gsedit.errors import UsageError
-from gsedit.objects import Click, Selector, select_at
+from gsedit.objects import Click, Selector
 from gsedit.select import surfaces
 from gsedit.select.region import Region, coverage, in_one_color
 from gsedit.synthetic.paint import plain
@@ -30,11 +31,6 @@ def room():
 @pytest.fixture(scope="module")
 def selector(room):
     return Selector(room.scene, room.cameras)
-
-
-def iou(found, true):
-    """Gaussians of both over those of either."""
-    return float((found & true).sum() / (found | true).sum())
 
 
 def shown(room, name, camera):
@@ -65,7 +61,7 @@ def test_a_click_on_the_ground_takes_the_ground(room, selector):
 
 def test_one_call_takes_what_the_kept_selector_takes(room, selector):
     clicks = [click_on(room, "red ball")]
-    found = select_at(room.scene, clicks, room.cameras)
+    found = Selector(room.scene, room.cameras).at(clicks)
     assert torch.equal(found.inside, selector.at(clicks).inside)
 
 
@@ -112,7 +108,7 @@ def test_a_moved_and_scaled_scene_is_selected_alike(room, selector):
     )
     cameras = [moved(camera, turn) for camera in room.cameras]
     click = click_on(room, "yellow ball")
-    found = select_at(scene, [replace(click, camera=cameras[0])], cameras)
+    found = Selector(scene, cameras).at([replace(click, camera=cameras[0])])
     assert iou(found.inside, selector.at([click]).inside) > 0.98
 
 
@@ -138,7 +134,7 @@ def test_a_thing_of_a_long_capture_is_selected_as_in_one_of_its_own(room, select
     cameras = [shifted(camera, each) for each in away for camera in room.cameras]
     click = click_on(room, "red ball")
     there = replace(click, camera=shifted(click.camera, away[3]))
-    found = select_at(concatenate(*rooms), [there], cameras).inside.reshape(len(away), -1)
+    found = Selector(concatenate(*rooms), cameras).at([there]).inside.reshape(len(away), -1)
     assert iou(found[3], room.of("red ball")) > 0.9
     assert found.sum() == found[3].sum()
 
@@ -188,4 +184,4 @@ def test_clicks_that_cannot_be_meant_are_refused_with_the_next_move(room, select
 def test_a_lone_object_is_not_selected_as_a_whole_scene(room):
     alone = room.scene[room.of("red ball")]
     with pytest.raises(UsageError, match="whole scene"):
-        select_at(alone, [click_on(room, "red ball")], room.cameras)
+        Selector(alone, room.cameras).at([click_on(room, "red ball")])

@@ -14,9 +14,9 @@ from gsedit.cameras.orbit import circle
 from gsedit.datasets.undistort import Lens, undistort, undistortion
 from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.editing.rivals import SeveralObjects, check_alone
-from gsedit.select.drawn import read_masks
+from gsedit.select.finder import LEAST, remembered
+from gsedit.select.masked import read_masks
 from gsedit.select.region import Region
-from gsedit.select.remembered import LEAST, remembered_region, remembered_segments
 from gsedit.select.segment import Segment, Segments
 
 UP = torch.tensor([0.0, 0.0, 1.0], dtype=torch.float64)
@@ -56,27 +56,27 @@ def test_what_was_found_in_a_large_scene_is_not_searched_again(cache):
     region, segments = Search(Region(inside, "as said", sure=0.75)), Search(two(4.0))
     segments.found = replace(segments.found, labels=torch.arange(LEAST) % 2)
     for _ in range(2):
-        found = remembered_region("subject", scene, RING, region)
+        found = remembered("subject", scene, RING, region)
         assert torch.equal(found.inside, inside)
         assert (found.note, found.sure) == ("as said", 0.75)
-        again = remembered_segments(scene, RING, segments)
+        again = remembered("segments", scene, RING, segments)
         assert list(map(asdict, again.rows)) == list(map(asdict, segments.found.rows))
         assert torch.equal(again.labels, segments.found.labels)
     assert (region.times, segments.times) == (1, 1)
-    remembered_region("subject with base", scene, RING, region)
-    remembered_region("subject", scene, RING[:3], region)
-    remembered_region("subject", replace(scene, sh=scene.sh + 1e-3), RING, region)
+    remembered("subject with base", scene, RING, region)
+    remembered("subject", scene, RING[:3], region)
+    remembered("subject", replace(scene, sh=scene.sh + 1e-3), RING, region)
     assert region.times == 4
-    for file in cache.glob("*.npz"):
+    for file in cache.glob("*.gz"):
         file.write_bytes(file.read_bytes()[:50])
-    assert torch.equal(remembered_region("subject", scene, RING, region).inside, inside)
+    assert torch.equal(remembered("subject", scene, RING, region).inside, inside)
     assert region.times == 5
 
 
 def test_small_scenes_leave_no_files(cache):
     search = Search(Region(torch.ones(9, dtype=torch.bool)))
     for _ in range(2):
-        remembered_region("subject", cloud(torch.eye(9)[:, :3]), RING, search)
+        remembered("subject", cloud(torch.eye(9)[:, :3]), RING, search)
     assert search.times == 2
     assert not cache.exists()
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 import pytest
 import torch
 from bench.staged import stage
+from regions_iou import iou
 from torch.nn.functional import avg_pool2d, max_pool2d
 
 from gsedit.errors import GseditError, UsageError
-from gsedit.select.lift import find_drawn, lift
 from gsedit.select.masked import find_masked, lift_masks
+from gsedit.select.region import find_drawn, lift
 
 SIZE = 96
 
@@ -33,10 +34,6 @@ def exact(table, maps, *names):
     every = [each.name for each in table.everything]
     wanted = torch.tensor([every.index(name) for name in names])
     return [torch.isin(each, wanted).float() for each in maps]
-
-
-def iou(a, b):
-    return float((a & b).sum() / (a | b).sum())
 
 
 def missed(masks, others):

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import torch
 from playroom import playroom
+from regions_iou import iou
 
 from gsedit.cameras.orbit import circle
 from gsedit.objects import Click, Selector
@@ -51,11 +52,6 @@ def thing(solid, coat=GREY, count=4000):
     middle = scene.means.double().mean(0)
     cameras = circle(middle, 1.4, UP, 8, 96, elevation=25.0, fov=50.0, start=-90.0, east=east)
     return Thing(look(scene, cameras))
-
-
-def iou(found, true):
-    """Gaussians of both over those of either."""
-    return float((found & true).sum() / (found | true).sum())
 
 
 @pytest.mark.parametrize("center", [(0.0, 0.0, 0.46), (0.5, 0.0, 0.0)], ids=["on top", "beside"])

@@ -13,8 +13,7 @@ from playroom import playroom
 
 from gsedit.errors import UsageError
 from gsedit.objects import find_phrase, segment
-from gsedit.select.looks import names
-from gsedit.select.query import read_phrase
+from gsedit.select.phrase import names, read_phrase
 
 PHRASES = Path(__file__).parents[1] / "data" / "phrases"
 REFUSED = "refused"

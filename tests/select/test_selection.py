@@ -11,7 +11,7 @@ from gsedit.errors import InputError, UsageError
 from gsedit.formats.flags import write_flags
 from gsedit.formats.streams import SceneHeader, gather, in_blocks
 from gsedit.scene.table import SplatTable, gaussians_of
-from gsedit.select import (
+from gsedit.select.rules import (
     box,
     cylinder,
     ellipsoid,

@@ -6,13 +6,17 @@ import json
 
 import numpy as np
 import pytest
+import torch
+from splat_tables import random_table
 
-from gsedit.datasets.cameras_json import read_cameras
+from gsedit import View
+from gsedit.datasets.cameras_json import read_cameras, write_cameras
 from gsedit.errors import InputError, UsageError
 from gsedit.scene.table import SplatTable, gaussians_of
-from gsedit.select import Clusters, Finder, Grown, Shrunk
-from gsedit.select.clusters import cluster_labels
-from gsedit.toolkit import select, where
+from gsedit.select import Finder
+from gsedit.select.rules import cluster, cluster_labels, grow, middle, shrink
+from gsedit.toolkit import filter, select, where
+from rasterizer import Camera, look_at
 
 CAMERA = {
     "id": 0, "img_name": "front", "width": 64, "height": 64, "position": [0.0, 0.0, -4.0],
@@ -83,17 +87,17 @@ def test_grow_and_shrink_by_a_radius():
     table, inner = at(draw.normal(size=(600, 3))), where("sphere(0, 0, 0, 0.8)")
     inside = inner.mask(table)
     distance = np.linalg.norm(table.means[:, None] - table.means[None], axis=2)
-    grown = Grown(inner, 0.3).mask(table)
+    grown = grow(inner, 0.3).mask(table)
     np.testing.assert_array_equal(grown, (distance[:, inside] <= 0.3).any(1))
-    shrunk = Shrunk(inner, 0.3).mask(table)
+    shrunk = shrink(inner, 0.3).mask(table)
     np.testing.assert_array_equal(shrunk, inside & ~(distance[:, ~inside] <= 0.3).any(1))
     assert shrunk.sum() < inside.sum() < grown.sum()
-    closed = Shrunk(Grown(inner, 0.3), 0.3).mask(table)
-    opened = Grown(Shrunk(inner, 0.3), 0.3).mask(table)
+    closed = shrink(grow(inner, 0.3), 0.3).mask(table)
+    opened = grow(shrink(inner, 0.3), 0.3).mask(table)
     assert closed[inside].all()
     assert not opened[~inside].any()
     # the complement grows as the selection shrinks
-    np.testing.assert_array_equal(select(table, ~Grown(~inner, 0.3)), shrunk)
+    np.testing.assert_array_equal(select(table, ~grow(~inner, 0.3)), shrunk)
 
 
 def test_rows_that_are_not_numbers_are_near_nothing():
@@ -177,4 +181,53 @@ def test_wrong_numbers_are_refused():
         with pytest.raises(UsageError):
             where(text)
     with pytest.raises(UsageError):
-        Clusters(0)
+        cluster(0)
+
+
+# ---- the part of a scene that its cameras stand around ------------------------------------------
+
+MIDDLE = torch.tensor([1.0, -2.0, 0.5])
+
+
+def ring(count: int = 8, radius: float = 4.0) -> list[Camera]:
+    """Cameras on a circle, which look at MIDDLE."""
+    up = torch.tensor([0.0, -1.0, 0.0])
+    angles = torch.arange(count) * 2 * torch.pi / count
+    eyes = [MIDDLE + radius * torch.tensor([a.cos(), -0.4, a.sin()]) for a in angles]
+    return [look_at(eye, MIDDLE, up, 1.0, 32, 32) for eye in eyes]
+
+
+@pytest.fixture
+def cameras(tmp_path):
+    path = tmp_path / "cameras.json"
+    picture = torch.zeros(32, 32, 3)
+    write_cameras([View(str(i), c, picture) for i, c in enumerate(ring())], path)
+    return path
+
+
+def test_cameras_that_look_in_parallel_have_no_middle(tmp_path):
+    poses = [{**CAMERA, "id": i, "position": [i, 0.0, -4.0]} for i in range(3)]
+    path = tmp_path / "cameras.json"
+    path.write_text(json.dumps(poses))
+    with pytest.raises(UsageError, match="no common point"):
+        select(random_table(5), middle(0.5, str(path)))
+
+
+def test_what_is_near_that_point_stays(cameras):
+    table = random_table(500)
+    away = np.linalg.norm(table.means - MIDDLE.numpy(), axis=1)
+    kept = filter(table, middle(0.5, str(cameras)))
+    near = away <= 0.5 * 4 * np.sqrt(1.16)
+    assert 0 < near.sum() < 500
+    np.testing.assert_array_equal(kept.means, table.means[near])
+
+
+def test_an_expression_names_it_by_its_cameras(cameras):
+    table = random_table(500)
+    named = select(table, f"not middle(0.5, '{cameras}')")
+    np.testing.assert_array_equal(named, ~select(table, middle(0.5, str(cameras))))
+
+
+def test_a_share_must_be_above_zero(cameras):
+    with pytest.raises(UsageError, match="above 0"):
+        middle(0.0, str(cameras))

@@ -13,11 +13,9 @@ from regions_iou import iou
 
 from gsedit.cameras.orbit import circle
 from gsedit.errors import InputError
-from gsedit.select.lift import lift
-from gsedit.select.region import Region, coverage
+from gsedit.select.region import Region, coverage, lift
 from gsedit.select.saliency import SIDE, load_network, salient
-from gsedit.select.standing import block_under
-from gsedit.select.subject import border_opacity, find_subject
+from gsedit.select.subject import block_under, border_opacity, find_subject
 from gsedit.select.surfaces import look
 
 SIZE = 64

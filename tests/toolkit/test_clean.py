@@ -14,7 +14,7 @@ from gsedit.formats.registry import open_scene, write_scene
 from gsedit.formats.streams import SceneHeader, in_blocks
 from gsedit.formats.validity import invalid_rows
 from gsedit.scene.table import SPLAT_FIELDS, SplatTable, concatenate_tables
-from gsedit.select.forms import sphere
+from gsedit.select.rules import sphere
 from gsedit.toolkit import Clean, Limits, apply, clean, find_defects, repair
 from gsedit.toolkit import check as check_file
 from gsedit.toolkit.defects import REASONS

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -47,12 +47,7 @@ def colors_from(table: SplatTable, directions: np.ndarray) -> np.ndarray:
     return 0.5 + np.einsum("dk,nkc->ndc", values, table.sh.astype(np.float64))
 
 
-@dataclass(frozen=True)
-class Left(Selection):
-    """Centers of negative x."""
-
-    def mask(self, table: SplatTable) -> np.ndarray:
-        return table.means[:, 0] < 0
+LEFT = Selection(lambda table: table.means[:, 0] < 0)
 
 
 @pytest.mark.parametrize("name", GRADES)
@@ -124,19 +119,19 @@ def test_a_curve_holds_from_every_direction(degree):
 
 def test_only_the_selection_changes_and_parts_give_the_whole():
     table = shiny_table()
-    inside = Left().mask(table)
-    after = recolor(table, exposure=1.0, curve=((0.5, 0.6),), where=Left())
+    inside = LEFT.mask(table)
+    after = recolor(table, exposure=1.0, curve=((0.5, 0.6),), where=LEFT)
     np.testing.assert_array_equal(after.sh[~inside], table.sh[~inside])
     assert (np.abs(after.sh[inside, 0] - table.sh[inside, 0]) > 0).any(1).all()
-    step = Recolor(Grade(exposure=1.0, curve=((0.5, 0.6),)), selection=Left())
+    step = Recolor(Grade(exposure=1.0, curve=((0.5, 0.6),)), selection=LEFT)
     header, blocks, _ = run(SceneHeader(table.degree), in_blocks(table, 7), [step])
     np.testing.assert_allclose(gather(blocks, header, len(table)).sh, after.sh, atol=1e-6)
 
 
 def test_opacities_are_set_and_scaled():
     table = shiny_table()
-    half = apply(table, Opacity(scale=0.5, selection=Left()))
-    inside = Left().mask(table)
+    half = apply(table, Opacity(scale=0.5, selection=LEFT))
+    inside = LEFT.mask(table)
     np.testing.assert_allclose(half.opacities[inside], table.opacities[inside] / 2, atol=1e-6)
     np.testing.assert_array_equal(half.logit_opacities[~inside], table.logit_opacities[~inside])
     for value in (0.0, 0.3, 1.0):

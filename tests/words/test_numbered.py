@@ -6,7 +6,7 @@ import pytest
 from labelled import statue
 
 from gsedit.select.finder import Finder
-from gsedit.words.based import BASED
+from gsedit.words.phrases import BASED
 from gsedit.words.read import read_instruction
 
 

@@ -13,8 +13,7 @@ from gsedit.app.reading import LEAST, Knob, Reading, knobs_of, read, turned
 from gsedit.errors import UsageError
 from gsedit.select.saved import saved_files
 from gsedit.words.called import read_called
-from gsedit.words.instruction import MORE, Change
-from gsedit.words.said import sentence_of
+from gsedit.words.instruction import MORE, Change, sentence_of
 
 if TYPE_CHECKING:
     from gsedit.app.page import Page

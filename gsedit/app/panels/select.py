@@ -12,10 +12,9 @@ from torch import Tensor
 from gsedit.errors import UsageError
 from gsedit.scene.table import table_of
 from gsedit.select.click import SMALLEST, Click, Selector, at_one_place
-from gsedit.select.clusters import Grown, Shrunk
 from gsedit.select.finder import Names
 from gsedit.select.region import Region
-from gsedit.select.rules import Given
+from gsedit.select.rules import given, grow, shrink
 from gsedit.select.saved import save_named, saved_files
 from rasterizer.scene import Gaussians
 
@@ -55,8 +54,8 @@ class Clicks:
 
 def grown(scene: Gaussians, flags: Bool[Tensor, " n"], radius: float) -> Bool[Tensor, " n"]:
     """The selection and all within a radius of it, world units; shrunk by a negative one."""
-    given = Given(flags.numpy())
-    selection = Grown(given, radius) if radius > 0 else Shrunk(given, -radius)
+    inside = given(flags.numpy())
+    selection = grow(inside, radius) if radius > 0 else shrink(inside, -radius)
     return torch.from_numpy(selection.mask(table_of(scene)))
 
 

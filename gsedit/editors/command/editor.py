@@ -25,7 +25,7 @@ from gsedit.editors.command.program import (
     split_command,
 )
 from gsedit.errors import UsageError
-from gsedit.select.drawn import read_mask
+from gsedit.select.masked import read_mask
 
 CELL_PIXELS = 2
 """Pixels of a cell in which views agree: a program has no latent cells. Of 1, 2, 4 and 8, measured

@@ -22,7 +22,7 @@ from gsedit.pictures.viewer.point_clouds import splat_colors
 from gsedit.runs.environment import load_extra
 from gsedit.scene.table import table_of
 from gsedit.select.region import TINT, TINT_STRENGTH
-from gsedit.select.values import NAMED
+from gsedit.select.rules import NAMED
 from rasterizer.camera import Camera
 from rasterizer.project import rotation_matrices
 from rasterizer.scene import Gaussians

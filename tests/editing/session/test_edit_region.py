@@ -24,8 +24,7 @@ from gsedit.errors import UsageError
 from gsedit.fitting.settings import UpdateSettings
 from gsedit.paper.strategies.single_pass import SinglePass
 from gsedit.select.finder import Finder
-from gsedit.select.lift import lift
-from gsedit.select.region import Region, coverage, in_one_color
+from gsedit.select.region import Region, coverage, in_one_color, lift
 from rasterizer import render
 
 SIZE = 48
