@@ -66,8 +66,7 @@ def list_tiles(
         )
         size = min(size, max(width, height))
         order = tiles.depth_order(projected.sort_depth)
-        boxes = execution.cull == "box"
-        return xy, tiles.bin_tiles(footprints, order, size, width, height, boxes=boxes)
+        return xy, tiles.bin_tiles(footprints, order, size, width, height)
 
 
 def composite(

@@ -24,13 +24,12 @@ STOP = Numerics().transmittance_min
     [
         *(replace(TORCH, tile_size=size) for size in (4, 8, 16, 32)),
         *(replace(TORCH, block=block) for block in (1, 3, 64)),
-        replace(TORCH, cull="box"),
         pytest.param(
             Execution(kernel="compiled"),
             marks=pytest.mark.skipif(compiled.load() is None, reason="no C++ compiler works here"),
         ),
     ],
-    ids=lambda e: f"tile {e.tile_size} block {e.block} cull {e.cull} {e.kernel}",
+    ids=lambda e: f"tile {e.tile_size} block {e.block} {e.kernel}",
 )
 @pytest.mark.parametrize("seed", SEEDS)
 def test_how_it_is_computed_changes_nothing(execution, seed):

@@ -118,7 +118,7 @@ def test_sizes_below_one_are_refused(name, value):
 
 @pytest.mark.parametrize(
     ("name", "value", "choices"),
-    [("cull", "sphere", "ellipse or box"), ("kernel", "cuda", "auto, torch, compiled")],
+    [("kernel", "cuda", "auto, torch, compiled")],
 )
 def test_an_unknown_choice_is_refused(name, value, choices):
     execution = Execution()
