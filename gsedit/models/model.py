@@ -23,7 +23,6 @@ from gsedit.errors import UsageError
 from gsedit.models.runtime import Runtime, in_torch
 
 F = TypeVar("F")
-M = TypeVar("M", bound="Model")
 
 
 class TextNetwork:
@@ -162,15 +161,6 @@ class Model(ABC):
             for network in self.text_networks:
                 network.put_away()
         return tuple(self.texts[text] for text in texts)
-
-    def unguided(self: M, weight: float) -> M:
-        """Itself, as `with_text_weight` of a distilled model. Raises UsageError for a weight."""
-        if weight != 1:
-            raise UsageError(
-                "this model was distilled to work without guidance, and would ignore guidance "
-                f"{weight:g}: leave it out"
-            )
-        return self
 
     def check(self, prompt: str) -> None:
         """Raise UsageError for an instruction that is empty, or longer than the model can read."""
