@@ -57,8 +57,7 @@ def fit_targets(
         for step, loss in enumerate(losses, start=done + span.start + 1):
             progress.work.steps += 1
             if step % MEASURE_EVERY_STEPS == 0:
-                measured = measure_progress(session)
-                yield measured.event("update", stopwatch.seconds, step, total, loss)
+                yield measure_progress(session, step, total, loss)
             elif step % REPORT_EVERY_STEPS == 0:
                 yield Event("update", stopwatch.seconds, step, total, loss)
 
@@ -112,9 +111,7 @@ def solve_targets(session: Session, step: int, total: int) -> Iterator[Event]:
             progress.work.followed = solved[-1].followed
             progress.work.map_error = solved[-1].map_error
             optimizer.replace(solved[-1].scene, torch.arange(len(start)), fresh=every)
-        measured = measure_progress(session)
-        loss = solved[-1].mse if solved else None
-        yield measured.event("update", progress.stopwatch.seconds, step, total, loss)
+        yield measure_progress(session, step, total, solved[-1].mse if solved else None)
 
 
 MAX_STEPS_AT_ONCE = 10
@@ -149,10 +146,8 @@ class Strategy(Protocol):
 
 
 class RollbackAction:
-    """Base class of actions that never touch the optimizer, and are rolled back on failure.
-
-    A checkpoint is then made of the session as it was before the action.
-    """
+    """Base class of actions that never touch the optimizer: on failure a checkpoint is made of the
+    session as it was before."""
 
     def __call__(self, session: Session) -> Iterator[Event]:
         raise NotImplementedError

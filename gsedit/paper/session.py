@@ -59,14 +59,6 @@ class Session:
         return whole.map(torch.clone)
 
 
-def render_edited(session: Session, views: Iterable[int]) -> dict[int, Float[Tensor, "h w 3"]]:
-    """Pictures of the whole scene as it is now, in [0, 1], by the index of the view."""
-    request = session.request
-    scene = session.scene if request.coarse is None else session.whole_scene()
-    execution, every = request.settings.execution, request.every_view
-    return {i: render_picture(scene, every[i].camera, execution) for i in views}
-
-
 @torch.no_grad()
 def preview(session: Session, i: int, camera: Camera | None = None) -> Float[Tensor, "h w 3"]:
     """The scene as it is now at view i, in [0, 1], or at the `camera` at which it is edited.

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Mapping
+from collections.abc import Generator
 from dataclasses import dataclass, replace
 from math import isqrt, pi, sqrt
 
@@ -20,7 +20,6 @@ from gsedit.paper.unedited import edit_camera
 from gsedit.paper.view_plan import ViewPlan, plan_views, random_plan, survey, wholeness
 from gsedit.runs.events import Event
 from gsedit.runs.stopwatch import Stopwatch
-from rasterizer.render import Rendering, render
 from rasterizer.scene import Gaussians
 
 INVISIBLE_COLOR = 1 / 510
@@ -34,9 +33,6 @@ class SurveyedViews:
     plan: ViewPlan
     weights: Float[Tensor, "v n"]
     """How much each view sees of each Gaussian, in pixels of a small picture."""
-    renderings: Mapping[int, Rendering]
-    """Renders of the planned views, and of the held-out ones unless the scene is large, by index,
-    with median depth."""
     scene: Gaussians
     """The scene with all bands of spherical harmonics; the request's has those that are fitted."""
 
@@ -44,7 +40,7 @@ class SurveyedViews:
 def survey_views(
     request: Request, stopwatch: Stopwatch, plan: ViewPlan | None = None
 ) -> Generator[Event, None, tuple[Request, SurveyedViews]]:
-    """Plan which views to edit (unless there is a `plan`), and render them before the edit.
+    """Plan which views to edit, unless there is a `plan`.
 
     Returns the request with the bands that are fitted, and what was surveyed. Raises UsageError
     where no view sees the scene.
@@ -59,9 +55,8 @@ def survey_views(
         least = MOST_COEFFICIENTS if request.solves else 1
         fitted = scene.sh[:, : max(least, visible_coefficients(scene.sh))]
         request = replace(request, scene=replace(scene, sh=fitted))
-        renderings = _renderings(request, plan)
     yield Event("survey", stopwatch.seconds, len(views), len(views), note=_note(request, plan))
-    return request, SurveyedViews(plan, weights, renderings, scene)
+    return request, SurveyedViews(plan, weights, scene)
 
 
 def _plan(request: Request, weights: Float[Tensor, "v n"]) -> ViewPlan:
@@ -83,21 +78,6 @@ def _plan(request: Request, weights: Float[Tensor, "v n"]) -> ViewPlan:
         overlap=settings.overlap,
         whole=wholeness(request.scene.means, cameras, weights),
     )
-
-
-@torch.no_grad()
-def _renderings(request: Request, plan: ViewPlan) -> dict[int, Rendering]:
-    """The unedited scene at the planned and the held-out views; not the latter of a large scene."""
-    held_out = request.held_out_indices if request.coarse is None else ()
-    return {
-        i: render(
-            request.whole,
-            request.every_view[i].camera,
-            median_depth=True,
-            execution=request.settings.execution,
-        )
-        for i in (*plan.views, *held_out)
-    }
 
 
 def _note(request: Request, plan: ViewPlan) -> str:
