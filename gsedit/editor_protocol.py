@@ -168,11 +168,6 @@ class Autoencoder(Protocol):
         ...
 
     @property
-    def channels(self) -> int:
-        """Number of channels of a latent cell."""
-        ...
-
-    @property
     def multiple(self) -> int:
         """Pixels, a multiple of `cell`: both sides of a picture to encode are multiples of it."""
         ...

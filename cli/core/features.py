@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from gsedit.errors import UsageError
+
 if TYPE_CHECKING:
     from gsedit.measures.features import FeatureExtractor
 
@@ -18,7 +20,4 @@ def load_features(name: str) -> FeatureExtractor:
         from gsedit.measures.perceptual import vgg_features
 
         return vgg_features()
-    from gsedit.measures.features import with_equal_energy
-    from gsedit.measures.perceptual import Vgg16
-
-    return with_equal_energy(Vgg16(name))
+    raise UsageError(f"--features must be filters or vgg, not {name!r}")

@@ -78,8 +78,8 @@ class EditOptions:
     features: str = option(
         "filters",
         "Features of the Gram loss. filters: a filter bank. vgg: the VGG16 of stlpips_pytorch "
-        "(gsedit[perceptual]). FILE: a VGG16 of torchvision, .pth or .safetensors.",
-        "filters|vgg|FILE",
+        "(gsedit[perceptual]).",
+        "filters|vgg",
     )
     drop_invalid: DropInvalid = False
     force: Force = False

@@ -29,8 +29,8 @@ Features = Annotated[
     flag(
         "--features",
         "Features that compare textures. filters: a filter bank. vgg: the VGG16 of "
-        "stlpips_pytorch (gsedit[perceptual]). FILE: a VGG16 of torchvision.",
-        "filters|vgg|FILE",
+        "stlpips_pytorch (gsedit[perceptual]).",
+        "filters|vgg",
     ),
 ]
 

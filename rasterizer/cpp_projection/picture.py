@@ -70,8 +70,7 @@ class Prepared:
         """Blend a table of these Gaussians, whose pairs take the gradient."""
         request = self.listed.request
         _, _, width, height = request.box
-        block = request.execution.block
-        inputs = BlendInputs(table, self.listed.bins, width, height, request.numerics, block)
+        inputs = BlendInputs(table, self.listed.bins, width, height, request.numerics)
         return composite(inputs, BY_PAIR, pairs, median=median)
 
 

@@ -105,7 +105,7 @@ def test_text_encoders_are_freed_once_a_text_is_read_and_loaded_for_another(kind
     gc.collect()
     assert [each() for each in networks] == [None] * len(networks)
     model.condition(picture, "make it snow", torch.Generator())
-    assert not any(each.in_memory for each in model.text_networks)
+    assert not any(each._network for each in model.text_networks)
     second = model.condition(picture, "it snows", torch.Generator())
     assert not torch.equal(second.text.tokens, first.text.tokens)
 
