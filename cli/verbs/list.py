@@ -83,9 +83,9 @@ def list_editors(*, as_json: bool) -> None:
 
 def list_masks(*, as_json: bool) -> None:
     """Print every mask provider, of gsedit and of other packages."""
-    from gsedit.editors import list_masks
+    from gsedit.editors.registry import MASKS
 
-    for each in list_masks():
+    for each in MASKS.list():
         record, origin = {**vars(each), "ready": each.ready}, f"from {each.source}"
         text = each.summary if each.source == "gsedit" else origin
         print_result(record, f"{each.name:<12} {text}", as_json=as_json)

@@ -18,7 +18,7 @@ from gsedit.paper.request import Request
 from gsedit.paper.survey import SurveyedViews
 from gsedit.paper.unedited import UneditedRenders, render_with_depth
 from gsedit.scene.picture import render_picture
-from gsedit.select.region import Region, everything
+from gsedit.select.region import Region, composite, everything
 from rasterizer.camera import Camera
 from rasterizer.scene import Gaussians
 
@@ -47,7 +47,10 @@ class Session:
 
     def within_region(self, i: int, edited: Float[Tensor, "h w 3"]) -> Float[Tensor, "h w 3"]:
         """The edited picture of view i where the region shows, the unedited one elsewhere."""
-        return self.unedited.within(self.region, i, edited)
+        region, unedited = self.region, self.unedited
+        if region.is_all:
+            return edited
+        return composite(edited, unedited.picture(i), unedited.coverage(region, i))
 
     def whole_scene(self) -> Gaussians:
         """A copy of the scene as it is now, with all its bands and all Gaussians of a large one."""

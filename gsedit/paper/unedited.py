@@ -8,7 +8,7 @@ from torch import Tensor
 
 from gsedit.datasets.image_ops import downscale
 from gsedit.paper.request import Request
-from gsedit.select.region import Region, composite, coverage
+from gsedit.select.region import Region, coverage
 from rasterizer.camera import Camera
 from rasterizer.numerics import Execution
 from rasterizer.render import Rendering, render
@@ -84,14 +84,6 @@ class UneditedRenders:
             share = coverage(region, request.scene, camera, request.settings.execution)
             known = self._coverages[i] = (region, share)
         return known[1]
-
-    def within(
-        self, region: Region, i: int, edited: Float[Tensor, "h w 3"]
-    ) -> Float[Tensor, "h w 3"]:
-        """The edited picture of view i where the region shows, the unedited one elsewhere."""
-        if region.is_all:
-            return edited
-        return composite(edited, self.picture(i), self.coverage(region, i))
 
     def _render(self, camera: Camera) -> Rendering:
         return render_with_depth(self.request.whole, camera, self.request.settings.execution)

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from gsedit.errors import UsageError
+from gsedit.paper.strategies._settings import check_steps
 
 if TYPE_CHECKING:
     from gsedit.paper.actions import Action
@@ -31,8 +31,7 @@ class SinglePass:
     has 200)."""
 
     def __post_init__(self) -> None:
-        if self.update_steps < 1:
-            raise UsageError(f"update steps must be 1 or more, not {self.update_steps}")
+        check_steps(self)
 
     def schedule(self, session: Session) -> Iterator[Action]:
         """Batch by batch of the plan."""
