@@ -126,13 +126,13 @@ def explain_skips(session: Session) -> tuple[Decision, ...]:
 
     Nothing is decided here that the session does not do already.
     """
-    request, surveyed, settings = session.request, session.surveyed, session.request.settings
+    request, plan, settings = session.request, session.plan, session.request.settings
     decisions = (
         decide_merging(len(request.whole), len(request.scene)),
         decide_views(
-            len(surveyed.plan.views),
+            len(plan.views),
             min(settings.batches * settings.views_per_batch, len(request.views)),
-            surveyed.plan.coverage[-1],
+            plan.coverage[-1],
             settings.coverage,
             needs_all=uses_all_views(request.strategy),
         ),
@@ -166,10 +166,11 @@ def _session(
     request: Request, stopwatch: Stopwatch, noise_seed: int, plan: ViewPlan | None = None
 ) -> Generator[Event, None, Session]:
     """A session that has not begun, of a request whose views are surveyed."""
-    request, surveyed = yield from survey_views(request, stopwatch, plan)
+    bands = request.scene.sh
+    request, plan, weights = yield from survey_views(request, stopwatch, plan)
     unedited = UneditedRenders(request)
     progress = start_progress(request, unedited, stopwatch, noise_seed)
-    return Session(request, surveyed, unedited, progress)
+    return Session(request, plan, weights, bands, unedited, progress)
 
 
 def run_schedule(session: Session) -> Iterator[Event | Checkpoint]:

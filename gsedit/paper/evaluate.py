@@ -47,7 +47,7 @@ def evaluate_edit(session: Session) -> Generator[Event, None, Drawing]:
     Yields the editor's steps, and last what the progress was measured by, over all views.
     """
     request, views = session.request, session.request.every_view
-    shown = tuple(session.progress.edited.targets or session.surveyed.plan.views)
+    shown = tuple(session.progress.edited.targets or session.plan.views)
     asked = request.settings.held_out_edits
     held_out = spread(request.held_out_indices, max(SHEET_HELD_OUT_VIEWS, asked))
     answers = yield from _edit_held_out(session, held_out[:asked])
@@ -73,7 +73,7 @@ def evaluate_edit(session: Session) -> Generator[Event, None, Drawing]:
         finals=_with_pictures(views, given.finals, shown),
         strategy=request.strategy,
         strategy_name=name_of(request.strategy),
-        view_plan=session.surveyed.plan,
+        view_plan=session.plan,
         work=session.progress.work,
     )
     scene, region = given.scene, given.region or session.region

@@ -58,7 +58,7 @@ def session_state(session: Session, views: State | None = None) -> State:
     return State(
         {
             "edit_format": FORMAT,
-            "view_plan": asdict(session.surveyed.plan),
+            "view_plan": asdict(session.plan),
             "noise_seed": progress.noise_seed,
             "seconds": progress.stopwatch.seconds,
             "stages": dict(progress.stopwatch.stages),

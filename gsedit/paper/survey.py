@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Generator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import isqrt, pi, sqrt
 
 import torch
@@ -20,30 +20,18 @@ from gsedit.paper.unedited import edit_camera
 from gsedit.paper.view_plan import ViewPlan, plan_views, random_plan, survey, wholeness
 from gsedit.runs.events import Event
 from gsedit.runs.stopwatch import Stopwatch
-from rasterizer.scene import Gaussians
 
 INVISIBLE_COLOR = 1 / 510
 """Color difference in [0, 1] that no picture shows: half a step of an 8-bit picture."""
 
 
-@dataclass(frozen=True, eq=False)
-class SurveyedViews:
-    """The plan of views, and the unedited scene as the views see it."""
-
-    plan: ViewPlan
-    weights: Float[Tensor, "v n"]
-    """How much each view sees of each Gaussian, in pixels of a small picture."""
-    scene: Gaussians
-    """The scene with all bands of spherical harmonics; the request's has those that are fitted."""
-
-
 def survey_views(
     request: Request, stopwatch: Stopwatch, plan: ViewPlan | None = None
-) -> Generator[Event, None, tuple[Request, SurveyedViews]]:
+) -> Generator[Event, None, tuple[Request, ViewPlan, Float[Tensor, "v n"]]]:
     """Plan which views to edit, unless there is a `plan`.
 
-    Returns the request with the bands that are fitted, and what was surveyed. Raises UsageError
-    where no view sees the scene.
+    Returns the request with the bands that are fitted, the plan, and how much each view sees of
+    each Gaussian, in pixels of a small picture. Raises UsageError where no view sees the scene.
     """
     settings, views = request.settings, request.views
     yield Event("survey", stopwatch.seconds, note=f"{len(views)} views")
@@ -56,7 +44,7 @@ def survey_views(
         fitted = scene.sh[:, : max(least, visible_coefficients(scene.sh))]
         request = replace(request, scene=replace(scene, sh=fitted))
     yield Event("survey", stopwatch.seconds, len(views), len(views), note=_note(request, plan))
-    return request, SurveyedViews(plan, weights, scene)
+    return request, plan, weights
 
 
 def _plan(request: Request, weights: Float[Tensor, "v n"]) -> ViewPlan:

@@ -27,7 +27,7 @@ def dataset_views(session: Session, own: DatasetUpdate) -> tuple[int, ...]:
     capture, they would show the same part of the scene.
     """
     if own.dataset_views == "planned":
-        return session.surveyed.plan.views
+        return session.plan.views
     mixed = torch.randperm(len(session.request.views), generator=torch.Generator().manual_seed(0))
     return tuple(mixed.tolist())
 

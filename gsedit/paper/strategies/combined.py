@@ -31,7 +31,7 @@ class Combined(DatasetUpdate):
         """Batch by batch of the plan, then a view at a time."""
         from gsedit.paper.strategies._dataset import in_turn
 
-        done = len(session.surveyed.plan.batches) * self.update_steps
+        done = len(session.plan.batches) * self.update_steps
         total = done + self.further_steps
         yield from single_pass(session, self.update_steps, total)
         yield from in_turn(session, self, self.further_steps, done=done, total=total)

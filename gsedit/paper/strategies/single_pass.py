@@ -35,7 +35,7 @@ class SinglePass:
 
     def schedule(self, session: Session) -> Iterator[Action]:
         """Batch by batch of the plan."""
-        total = len(session.surveyed.plan.batches) * self.update_steps
+        total = len(session.plan.batches) * self.update_steps
         yield from single_pass(session, self.update_steps, total)
 
 
@@ -47,7 +47,7 @@ def single_pass(session: Session, update_steps: int, total: int) -> Iterator[Act
     """
     from gsedit.paper.actions import EditViews, fit_round
 
-    batches = session.surveyed.plan.batches
+    batches = session.plan.batches
     at_end = session.request.solves and not starts_from_scene(session.request)
     for number, batch in enumerate(batches):
         yield EditViews(batch, number + 1, len(batches))
