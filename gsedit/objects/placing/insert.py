@@ -22,7 +22,7 @@ from gsedit.objects.placing.daylight import Daylight, dimmed, shaded, sun_of
 from gsedit.objects.placing.landing import Ground, extent, free_point, ground_near
 from gsedit.objects.placing.place import added, motion_of, moved, notes_of
 from gsedit.objects.placing.placement import Placement, RelativePlace, Triple, check_target
-from gsedit.objects.placing.stance import Stance, size_of, stance_of
+from gsedit.objects.placing.stance import SOLID, Stance, size_of, stance_of
 from gsedit.scene.color_space import LUMINANCE
 from gsedit.scene.framing import bounds, framing_camera, guess_up
 from gsedit.scene.quantiles import weighted_quantile
@@ -40,8 +40,6 @@ from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
 
-SOLID = 0.1
-"""Opacity below which a Gaussian is haze, which connects nothing."""
 LAYERS = 48
 """Layers of heights among which a ground is looked for, and cells along the longest side of the
 grid in which parts are connected."""
