@@ -104,8 +104,9 @@ class SharedDenoiser:
     """A Denoiser of which each rank encodes, predicts and decodes its share of the views, and all
     get all of them. Its condition is that of this rank's views; None where it has none."""
 
-    def __init__(self, denoiser: Denoiser, ranks: Ranks) -> None:
-        self._denoiser, self._ranks = denoiser, ranks
+    def __init__(self, denoiser: Any, ranks: Ranks) -> None:
+        self._denoiser: Denoiser = denoiser
+        self._ranks = ranks
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._denoiser, name)
@@ -160,7 +161,7 @@ class SharedDenoiser:
         network = own.predictor.network if isinstance(own.predictor, InBfloat16) else own.predictor
         found = isinstance(own.predictor, InBfloat16), own.evaluations
         rounded, evaluations = self._ranks.first(found)
-        shared = SharedDenoiser(cast(Any, InBfloat16(network) if rounded else network), self._ranks)
+        shared: Any = SharedDenoiser(InBfloat16(network) if rounded else network, self._ranks)
         return Prepared(shared, evaluations)
 
     def _mine(self, rows: Tensor) -> Tensor:
