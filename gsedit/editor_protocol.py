@@ -16,6 +16,7 @@ from gsedit.diffusion.guidance import Predictor
 from gsedit.diffusion.sampler import levels_of
 from gsedit.diffusion.schedules import NoiseLevel
 from gsedit.diffusion.settings import SamplerDefaults, SamplerSettings
+from gsedit.errors import UsageError
 from gsedit.runs.ranks import Ranks
 
 GroundTruth = Callable[[Float[Tensor, "n h w 3"]], Float[Tensor, "n h w 3"]]
@@ -116,9 +117,9 @@ class Capabilities:
     """(settings, rows and columns of latent cells) -> the levels that sampling steps between, for
     schedules that depend on the picture's size or on the number of steps. None: those that the
     settings divide the schedule into."""
-    with_text_weight: Callable[[float], Denoiser] | None = None
-    """Make this denoiser with the instruction's weight as an input of its network, for models that
-    guidance was distilled into: then only the text's branch is predicted. None for others."""
+    distilled: bool = False
+    """Whether guidance was distilled away: then only the text's branch is predicted, and any other
+    weight is refused."""
     measure: Callable[[EditBatch, SamplerSettings], Cost] | None = None
     """Measure what a view costs, by one evaluation for a batch. None where that is little, or
     unknown."""
@@ -164,11 +165,6 @@ class Autoencoder(Protocol):
     @property
     def cell(self) -> int:
         """Pixels per latent cell."""
-        ...
-
-    @property
-    def channels(self) -> int:
-        """Number of channels of a latent cell."""
         ...
 
     @property
@@ -228,11 +224,15 @@ def levels_for(
     return levels(settings, cells) if levels else levels_of(denoiser.schedule, settings)
 
 
-def for_settings(denoiser: Denoiser, settings: SamplerSettings) -> tuple[Denoiser, SamplerSettings]:
-    """(denoiser, settings without None): the text's weight is given to a network that reads it."""
-    settings = settings.with_defaults(denoiser.capabilities.defaults)
-    with_text_weight = denoiser.capabilities.with_text_weight
-    if with_text_weight is None:
-        return denoiser, settings
-    weighted = with_text_weight(settings.scales[0])
-    return weighted, replace(settings, guidance_text=1.0, guidance_image=1.0)
+def for_settings(denoiser: Denoiser, settings: SamplerSettings) -> SamplerSettings:
+    """The settings without None. Raises UsageError for guidance of a model that has none."""
+    declared = denoiser.capabilities
+    settings = settings.with_defaults(declared.defaults)
+    if not declared.distilled:
+        return settings
+    if (weight := settings.scales[0]) != 1:
+        raise UsageError(
+            "this model was distilled to work without guidance, and would ignore guidance "
+            f"{weight:g}: leave it out"
+        )
+    return replace(settings, guidance_text=1.0, guidance_image=1.0)

@@ -85,5 +85,5 @@ def color_weights(
         rows, projected = splats.rows, splats.projected
         table = torch.cat((xy, projected.whitening, splats.log_opacities[:, None]), -1)
     table = torch.cat((table, table.new_zeros(len(table), 3)), -1)
-    inputs = BlendInputs(table, bins, camera.width, camera.height, numerics, execution.block)
+    inputs = BlendInputs(table, bins, camera.width, camera.height, numerics)
     return ColorWeights(rows, len(scene), inputs, backend)

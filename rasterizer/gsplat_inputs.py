@@ -16,20 +16,20 @@ from rasterizer import checks, harmonics
 from rasterizer.camera import Camera
 from rasterizer.numerics import Numerics
 from rasterizer.preprocess import InputNames
-from rasterizer.project import Projected, project_axes, project_covariances, rotation_matrices
+from rasterizer.project import Projected, project_axes, rotation_matrices
 from rasterizer.scene import Gaussians
-
-UPPER = ((0, 0, 0, 1, 1, 2), (0, 1, 2, 1, 2, 2))  # rows and columns of covars' six numbers
-SYMMETRIC = (0, 1, 2, 1, 3, 4, 2, 4, 5)  # and back to 3x3
 
 
 @dataclass(frozen=True, eq=False)
-class _Cloud:
-    """A `preprocess.Source`, but for what the Gaussians' sizes decide."""
+class Cloud:
+    """A `preprocess.Source`: Gaussians of covariance A A^T, with A = R(quats) diag(scales)."""
 
+    names: ClassVar[InputNames] = InputNames("means", "scales", "colors")
     means: Float[Tensor, "n 3"]
     opacity: Float[Tensor, " n"]
     color: Float[Tensor, "n ..."]
+    quats: Float[Tensor, "n 4"]
+    scales: Float[Tensor, "n 3"]
 
     def opacities(self) -> Float[Tensor, " n"]:
         return self.opacity
@@ -39,15 +39,6 @@ class _Cloud:
 
     def colors(self, rows: Int[Tensor, " m"]) -> Float[Tensor, "m ..."]:
         return self.color[rows].to(self.means)
-
-
-@dataclass(frozen=True, eq=False)
-class AxesCloud(_Cloud):
-    """Gaussians of covariance A A^T, with A = R(quats) diag(scales)."""
-
-    names: ClassVar[InputNames] = InputNames("means", "scales", "colors")
-    quats: Float[Tensor, "n 4"]
-    scales: Float[Tensor, "n 3"]
 
     def extents(self) -> Float[Tensor, " n"]:
         return self.scales.detach().abs().amax(-1)
@@ -66,37 +57,18 @@ class AxesCloud(_Cloud):
         return project_axes(self.means[rows], axes, camera, numerics)
 
 
-@dataclass(frozen=True, eq=False)
-class CovarianceCloud(_Cloud):
-    """Gaussians of given covariances."""
-
-    names: ClassVar[InputNames] = InputNames("means", "covars", "colors")
-    covars: Float[Tensor, "n 3 3"]
-
-    def extents(self) -> Float[Tensor, " n"]:
-        return self.covars.detach().diagonal(dim1=-2, dim2=-1).sum(-1).clamp_min(0).sqrt()
-
-    def project(self, rows: Int[Tensor, " m"], camera: Camera, numerics: Numerics) -> Projected:
-        return project_covariances(self.means[rows], self.covars[rows], camera, numerics)
-
-
-Cloud = AxesCloud | CovarianceCloud
-
-
 def image_clouds(
     means: Float[Tensor, "..."],
-    quats: Float[Tensor, "..."] | None,
-    scales: Float[Tensor, "..."] | None,
+    quats: Float[Tensor, "..."],
+    scales: Float[Tensor, "..."],
     opacities: Float[Tensor, "..."],
-    covars: Float[Tensor, "..."] | None,
     colors: Float[Tensor, "..."],
     leading: tuple[int, ...],
     sh_degree: int | None,
 ) -> list[Cloud]:
     """The Gaussians of each image; the shapes are `rasterization`'s, and checked here.
 
-    Where covars are given, quats and scales are not read. Raises ValueError for shapes that do not
-    fit together, and for NaN or infinity in covars: see `expect_finite` for the others.
+    Raises ValueError for shapes that do not fit together.
     """
     shape = tuple(means.shape[:-1])
     count, views = shape[-1], leading[-1]
@@ -105,30 +77,14 @@ def image_clouds(
         expect_shape(name, values, (*shape, *columns))
         return [one for one in images_of(values, 1 + len(columns)) for _ in range(views)]
 
-    if covars is not None:
-        covars = _full_covariances(covars, shape)
-        checks.finite("covars", covars)
-        kind, sizes = CovarianceCloud, [by_image("covars", covars, 3, 3)]
-    elif quats is None or scales is None:
-        raise ValueError("quats and scales may be None only where covars are given")
-    else:
-        kind, sizes = AxesCloud, [by_image("quats", quats, 4), by_image("scales", scales, 3)]
     fields = (
         by_image("means", means, 3),
         by_image("opacities", opacities),
         _image_colors(colors, leading, count, sh_degree),
-        *sizes,
+        by_image("quats", quats, 4),
+        by_image("scales", scales, 3),
     )
-    return [kind(*one) for one in zip(*fields)]
-
-
-def _full_covariances(
-    covars: Float[Tensor, "..."], shape: tuple[int, ...]
-) -> Float[Tensor, "*batch N 3 3"]:
-    """From upper triangles, or from full matrices of which only those are read."""
-    if covars.dim() == len(shape) + 2:
-        covars = expect_shape("covars", covars, (*shape, 3, 3))[..., UPPER[0], UPPER[1]]
-    return expect_shape("covars", covars, (*shape, 6))[..., SYMMETRIC].unflatten(-1, (3, 3))
+    return [Cloud(*one) for one in zip(*fields)]
 
 
 def _image_colors(
@@ -185,13 +141,6 @@ def expect_shape(name: str, tensor: Tensor, shape: tuple[int, ...]) -> Tensor:
             f"{name} has shape {list(tensor.shape)}; {list(shape)} would fit means and viewmats"
         )
     return tensor
-
-
-def expect_finite(**inputs: Tensor | None) -> None:
-    """ValueError that names the first number that is not finite, of those that are given."""
-    for name, values in inputs.items():
-        if values is not None:
-            checks.finite(name, values)
 
 
 def refuse_unsupported(**options: Any) -> None:

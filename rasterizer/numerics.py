@@ -75,23 +75,15 @@ class Execution:
 
     tile_size: int | None = None
     """Side of a tile, pixels; None: chosen from the splats' footprints."""
-    block: int | None = None
-    """Gaussians of a tile that the torch backend blends at once (the C++ backend has a fixed
-    number). None: chosen from the number of tiles."""
-    cull: Literal["ellipse", "box"] = "ellipse"
-    """A tile lists the splats whose ellipse touches it, or all whose bounding box does (more of
-    them, and the same picture)."""
     kernel: Kernel = field(default="auto", metadata={"flag": "--kernel"})
     """Renderer: a C++ kernel, compiled once per machine, or torch. They are equal within
     rounding. auto: the kernel, which is faster, where a C++ compiler is found."""
 
     def __post_init__(self) -> None:
-        for name in ("tile_size", "block"):
-            value = getattr(self, name)
-            if value is not None and value < 1:
-                raise ValueError(f"{name} is {value}: give 1 or more, or None to choose one")
-        if self.cull not in ("ellipse", "box"):
-            raise ValueError(f"cull is {self.cull!r}: ellipse or box")
+        if self.tile_size is not None and self.tile_size < 1:
+            raise ValueError(
+                f"tile_size is {self.tile_size}: give 1 or more, or None to choose one"
+            )
         if self.kernel not in get_args(Kernel):
             raise ValueError(f"kernel is {self.kernel!r}: {', '.join(get_args(Kernel))}")
 

@@ -78,7 +78,7 @@ def pixel_lists(
     splats = preprocess(stored_scene(scene), camera, box, numerics)
     xy, bins = list_tiles(splats, box, numerics, AUTO, BACKEND)
     table = torch.cat((xy, splats.projected.whitening, splats.log_opacities[:, None]), -1)
-    inputs = BlendInputs(table, bins, camera.width, camera.height, numerics, None)
+    inputs = BlendInputs(table, bins, camera.width, camera.height, numerics)
     entries = pixel_entries(inputs, least)
     pixels = camera.width * camera.height
     order = stable_argsort(entries.pixel, pixels)  # front to back stays front to back

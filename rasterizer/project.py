@@ -150,27 +150,6 @@ def project_axes(
     return _whiten(means, linear, moments, numerics)
 
 
-def project_covariances(
-    means: Float[Tensor, "n 3"],
-    covariances: Float[Tensor, "n 3 3"],
-    camera: Camera,
-    numerics: Numerics,
-) -> Projected:
-    """Project Gaussians of given covariances: symmetric, of any rank.
-
-    Without their axes the determinant is a difference, which is taken in float64.
-    """
-    linear = _linearise(means, camera, numerics)
-    to_x, to_y, covariances = (t.double() for t in (linear.to_x, linear.to_y, covariances))
-    rows = covariances.permute(1, 2, 0)
-    half_x, half_y = ((rows * line).sum(1) for line in (to_x, to_y))
-    # rounded covariances may have a small negative eigenvalue
-    xx, yy = ((line * half).sum(0).clamp_min(0) for line, half in ((to_x, half_x), (to_y, half_y)))
-    xy = (to_y * half_x).sum(0)
-    moments = (xx, xy, yy, (xx * yy - xy * xy).clamp_min(0) / (xx + numerics.blur))
-    return _whiten(means, linear, moments, numerics)
-
-
 class _Linearised(NamedTuple):
     """The projection to first order about each center."""
 
@@ -186,11 +165,6 @@ def _in_camera(means: Float[Tensor, "n 3"], camera: Camera) -> Float[Tensor, "3 
     """Centers in the camera's axes, float64."""
     pose = camera.world_to_camera.double()
     return pose[:3, :3] @ means.double().T + pose[:3, 3:]
-
-
-def depths(means: Float[Tensor, "n 3"], camera: Camera) -> Float[Tensor, " n"]:
-    """Depths of centers along the view, float64."""
-    return _in_camera(means, camera)[2]
 
 
 def view_directions(means: Float[Tensor, "n 3"], camera: Camera) -> Float[Tensor, "n 3"]:
@@ -278,7 +252,8 @@ def effective_log_opacities(
     if projected.log_compensation is not None:
         log_opacities = log_opacities + projected.log_compensation
     if numerics.radius_clip > 0:
-        small = footprint_radii(projected, log_opacities, numerics).amax(-1) <= numerics.radius_clip
+        radii = footprint_radii(projected.covariance, log_opacities, numerics)
+        small = radii.amax(-1) <= numerics.radius_clip
         log_opacities = log_opacities.masked_fill(small, 2 * numerics.log_alpha_min)
     return log_opacities
 
@@ -291,8 +266,9 @@ def cutoff_radii(log_opacities: Float[Tensor, " n"], numerics: Numerics) -> Floa
 
 @torch.no_grad()
 def footprint_radii(
-    projected: Projected, log_opacities: Float[Tensor, " n"], numerics: Numerics
+    covariance: Float[Tensor, "n 4"], log_opacities: Float[Tensor, " n"], numerics: Numerics
 ) -> Int[Tensor, "n 2"]:
-    """Whole pixels that each footprint reaches to its sides, and up and down; 0: never visible."""
+    """Whole pixels that each footprint (`Projected.covariance`) reaches to its sides, and up and
+    down; 0: never visible."""
     cutoff = cutoff_radii(log_opacities, numerics)
-    return (cutoff[:, None] * projected.covariance[:, ::2].sqrt()).ceil().int()
+    return (cutoff[:, None] * covariance[:, ::2].sqrt()).ceil().int()

@@ -7,12 +7,14 @@ batch.
 
 from __future__ import annotations
 
+from collections import UserDict
 from dataclasses import replace
+from functools import partial
 from math import prod
 from typing import Any, Literal, get_args
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from rasterizer import checks
@@ -20,9 +22,7 @@ from rasterizer.camera import Camera
 from rasterizer.cpp_projection.kernel import Request
 from rasterizer.cpp_projection.picture import Prepared, prepare
 from rasterizer.gsplat_inputs import (
-    AxesCloud,
     Cloud,
-    expect_finite,
     expect_one_of,
     expect_shape,
     image_cameras,
@@ -30,9 +30,9 @@ from rasterizer.gsplat_inputs import (
     images_of,
     refuse_unsupported,
 )
-from rasterizer.gsplat_meta import Meta, image_meta
-from rasterizer.numerics import AUTO, Execution, Numerics
+from rasterizer.numerics import AUTO, DEFAULT, Execution, Numerics
 from rasterizer.preprocess import Splats, colors_of, features_of, preprocess
+from rasterizer.project import covariance_of, footprint_radii
 from rasterizer.splat import Splatted, splat
 
 RenderMode = Literal["RGB", "D", "ED", "RGB+D", "RGB+ED"]
@@ -44,8 +44,8 @@ LEAST_ALPHA = 1e-10  # gsplat's, in the depth of ED
 @torch.autocast("cpu", enabled=False)
 def rasterization(
     means: Float[Tensor, "*batch N 3"],
-    quats: Float[Tensor, "*batch N 4"] | None,
-    scales: Float[Tensor, "*batch N 3"] | None,
+    quats: Float[Tensor, "*batch N 4"],
+    scales: Float[Tensor, "*batch N 3"],
     opacities: Float[Tensor, "*batch N"],
     colors: Float[Tensor, "..."],
     viewmats: Float[Tensor, "*batch C 4 4"],
@@ -68,7 +68,7 @@ def rasterization(
     distributed: bool = False,
     camera_model: str = "pinhole",
     segmented: bool = False,
-    covars: Float[Tensor, "..."] | None = None,
+    covars: Tensor | None = None,
     with_ut: bool = False,
     with_eval3d: bool = False,
     radial_coeffs: Tensor | None = None,
@@ -87,8 +87,6 @@ def rasterization(
     - `colors`: features [..., (C,) N, D], any D; with `sh_degree` (0 to 4) harmonics
       [..., (C,) N, K, 3], of which the first (sh_degree + 1)^2 are used, and color + 0.5 is not
       below 0.
-    - `covars` [..., N, 3, 3], of which the upper triangle is read, or that triangle [..., N, 6],
-      row by row: instead of `quats` and `scales`, which may be None.
     - `viewmats`: rigid, world to camera, OpenCV axes. `Ks`: pixels; skew is not read.
     - `camera_model` "pinhole" or "ortho" (x of a pixel is fx x + cx, at any depth).
     - `near_plane`, `far_plane`: Gaussians with near < z <= far are drawn.
@@ -105,14 +103,12 @@ def rasterization(
       `backgrounds` lie behind the colors, 0 behind depth.
     - alphas [..., C, h, w, 1].
     - meta, shaped as with packed=False and zero for what is not drawn: means2d [..., C, N, 2]
-      (`.grad` is there after a backward pass), radii [..., C, N, 2] int32 pixels, depths,
-      opacities [..., C, N], conics [..., C, N, 3] (xx, xy, yy of the inverse covariance), width,
-      height, tile_size, tile_width, tile_height (of the first image), n_batches, n_cameras;
-      batch_ids, camera_ids, gaussian_ids are None. gsplat's lists of tiles are not in it. Radii,
-      depths, conics and opacities are computed when they are first read.
+      (`.grad` is there after a backward pass), radii [..., C, N, 2] int32 pixels (computed when
+      they are first read), width, height, tile_size, tile_width, tile_height (of the first image),
+      n_batches, n_cameras; gaussian_ids is None.
 
-    The compiled front end prepares what `quats` and `scales` describe, as for `render`; torch does
-    for `covars`, for gradients of `viewmats`, and where `execution` rules the kernel out.
+    The compiled front end prepares the Gaussians, as for `render`; torch does for gradients of
+    `viewmats`, and where `execution` rules the kernel out.
 
     Differentiable in all tensors but `Ks` (as in gsplat). Float32 or float64, as `means` is.
     The stop differs: gsplat leaves out the Gaussian after which less than 1e-4 would pass a pixel,
@@ -126,6 +122,7 @@ def rasterization(
         sparse_grad=sparse_grad,
         absgrad=absgrad,
         distributed=distributed,
+        covars=covars,
         with_ut=with_ut,
         with_eval3d=with_eval3d,
         radial_coeffs=radial_coeffs,
@@ -141,7 +138,7 @@ def rasterization(
     images = prod(leading)
     if not images:
         raise ValueError("there is no camera: viewmats, or a batch dimension, is empty")
-    clouds = image_clouds(means, quats, scales, opacities, covars, colors, leading, sh_degree)
+    clouds = image_clouds(means, quats, scales, opacities, colors, leading, sh_degree)
     cameras = image_cameras(viewmats, Ks, leading, _template(width, height, camera_model))
     if backgrounds is not None:
         checks.all_finite("backgrounds", backgrounds)
@@ -163,10 +160,11 @@ def rasterization(
         Request(camera, (0, 0, width, height), numerics, execution, depth, linear=True)
         for camera in cameras
     ]
-    known = [_compiled(*one, color=color) for one in zip(clouds, requests)]
+    known = [prepare(c.gaussians(color=color), one) for c, one in zip(clouds, requests)]
     if not all(known):  # the compiled front end has looked at the numbers already
-        read = {} if covars is not None else {"quats": quats, "scales": scales}
-        expect_finite(means=means, opacities=opacities, **read)
+        given = {"means": means, "opacities": opacities, "quats": quats, "scales": scales}
+        for name, values in given.items():
+            checks.finite(name, values)
     images = [
         one or preprocess(cloud, request.camera, request.box, numerics)
         for one, cloud, request in zip(known, clouds, requests)
@@ -178,9 +176,7 @@ def rasterization(
     # features, which may be larger than all else, live for one image at a time
     each = zip(clouds, requests, images, images_of(means2d, 2))
     pictures = [_picture(*one, color=color) for one in each]
-    meta = image_meta(clouds, requests[0], images, means2d)
-    size = pictures[0].tile_size
-    meta |= {"tile_size": size, "tile_width": -(-width // size), "tile_height": -(-height // size)}
+    meta = _meta(images, means2d, (width, height), pictures[0].tile_size)
     picture, alphas = _composed(pictures, render_mode, backgrounds)
     return picture.unflatten(0, leading), alphas.unflatten(0, leading), meta
 
@@ -193,9 +189,55 @@ def _template(width: int, height: int, model: str) -> Camera:
     return replace(camera, model="ortho" if model == "ortho" else "pinhole")
 
 
-def _compiled(cloud: Cloud, request: Request, *, color: bool) -> Prepared | None:
-    """Splats that may touch the picture, by the compiled front end; None where it cannot."""
-    return prepare(cloud.gaussians(color=color), request) if isinstance(cloud, AxesCloud) else None
+class Meta(UserDict[str, Any]):
+    """A dictionary; a value that takes time is computed when it is first read."""
+
+    def __getitem__(self, name: str) -> Any:
+        value = super().__getitem__(name)
+        if callable(value):
+            value = self.data[name] = value()
+        return value
+
+
+def _meta(
+    images: list[Prepared | Splats],
+    means2d: Float[Tensor, "*batch C N 2"],
+    size: tuple[int, int],
+    tile: int,
+) -> Meta:
+    """The numbers about the Gaussians that gsplat's strategies read, for all rows."""
+    return Meta(
+        gaussian_ids=None,
+        radii=partial(_radii, images, means2d, size),
+        means2d=means2d,
+        width=size[0],
+        height=size[1],
+        n_batches=means2d.shape[:-3].numel(),
+        n_cameras=means2d.shape[-3],
+        tile_size=tile,
+        tile_width=-(-size[0] // tile),
+        tile_height=-(-size[1] // tile),
+    )
+
+
+@torch.no_grad()
+def _radii(
+    images: list[Prepared | Splats], means2d: Float[Tensor, "*batch C N 2"], size: tuple[int, int]
+) -> Int[Tensor, "*batch C N 2"]:
+    """Pixels, of the footprints that touch their image; 0 for the others."""
+    found = []
+    for one, centers in zip(images, images_of(means2d, 2)):
+        if isinstance(one, Prepared):
+            rows, covariance = one.listed.rows.long(), covariance_of(one.table[:, 2:5])
+            log_opacities = one.table[:, 5]
+        else:
+            rows, covariance = one.rows, one.projected.covariance
+            log_opacities = one.log_opacities
+        xy, radii = centers[rows], footprint_radii(covariance, log_opacities, DEFAULT)
+        touching = ((xy + radii > 0) & (xy - radii < xy.new_tensor(size))).all(-1)
+        empty = radii.new_zeros(len(centers), 2)
+        found.append(empty.index_copy(0, rows, radii * touching[:, None]))
+    return torch.stack(found).unflatten(0, means2d.shape[:-2])
 
 
 def _centers(image: Prepared | Splats, count: int) -> Float[Tensor, "N 2"]:

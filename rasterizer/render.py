@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import torch
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from rasterizer import checks
@@ -35,8 +35,6 @@ class Rendering:
     gradient."""
     median_row: Int[Tensor, "h w"] | None = None
     """Row of that Gaussian in the scene; -1 where there is none."""
-    marked: Float[Tensor, "h w"] | None = None
-    """Sum of the blending weights of the Gaussians that were marked."""
 
 
 @torch.autocast("cpu", enabled=False)  # the eight bits of bfloat16 are too few
@@ -48,15 +46,13 @@ def render(
     crop: Box | None = None,
     depth: bool = False,
     median_depth: bool = False,
-    marked: Bool[Tensor, " n"] | None = None,
     numerics: Numerics = DEFAULT,
     execution: Execution = AUTO,
 ) -> Rendering:
     """Render Gaussians; differentiable in the scene, the background and the camera's pose.
 
     `crop` (left, top, width, height) renders that part of the same picture at about the cost of its
-    area. `background` is black if None. `marked` Gaussians are shown by themselves too. float32 or
-    float64, as the scene is.
+    area. `background` is black if None. float32 or float64, as the scene is.
 
     Raises ValueError for an empty crop, or one that leaves the picture; and for NaN or infinity in
     an input, with its name and the first row. Allowed are log-scales of -inf (a point) and logit
@@ -65,22 +61,18 @@ def render(
     if background is not None:
         checks.all_finite("background", background)
     box = crop or (0, 0, camera.width, camera.height)
-    if marked is None:
-        drawn = draw(scene, camera, box, numerics, execution, depth=depth, median=median_depth)
-        if drawn is not None:
-            return _composed(*drawn, background, depth)
+    drawn = draw(scene, camera, box, numerics, execution, depth=depth, median=median_depth)
+    if drawn is not None:
+        return _composed(*drawn, background, depth)
     source = stored_scene(scene)
     splats = preprocess(source, camera, box, numerics)
     features = features_of(source, splats, camera, depth=depth)
-    if marked is not None:
-        features = torch.cat((features, marked[splats.rows].to(features)[:, None]), -1)
     blended = splat(splats, features, box, numerics, execution=execution, median=median_depth)
     median = rows = None
     if blended.median_index is not None:
         median = median_depths(splats.projected.depth.detach(), blended.median_index)
         rows = median_rows(splats.rows, blended.median_index)
-    picture = _composed(blended.features, blended.transmittance, median, rows, background, depth)
-    return picture if marked is None else replace(picture, marked=blended.features[..., -1])
+    return _composed(blended.features, blended.transmittance, median, rows, background, depth)
 
 
 def _composed(

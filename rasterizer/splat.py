@@ -47,7 +47,7 @@ def splat(
     xy, bins = list_tiles(splats, box, numerics, execution, backend)
     columns = (xy, splats.projected.whitening, splats.log_opacities[:, None], features)
     table = torch.cat(columns, -1)
-    inputs = BlendInputs(table, bins, width, height, numerics, execution.block)
+    inputs = BlendInputs(table, bins, width, height, numerics)
     return Splatted(*composite(inputs, backend, median=median), bins.size)
 
 
@@ -66,8 +66,7 @@ def list_tiles(
         )
         size = min(size, max(width, height))
         order = tiles.depth_order(projected.sort_depth)
-        boxes = execution.cull == "box"
-        return xy, tiles.bin_tiles(footprints, order, size, width, height, boxes=boxes)
+        return xy, tiles.bin_tiles(footprints, order, size, width, height)
 
 
 def composite(

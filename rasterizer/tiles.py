@@ -86,18 +86,15 @@ def _span(
 
 @torch.no_grad()
 def bin_tiles(
-    footprints: Footprints, order: Int[Tensor, " m"], size: int, width: int, height: int,
-    *, boxes: bool = False,
-) -> Bins:  # fmt: skip
+    footprints: Footprints, order: Int[Tensor, " m"], size: int, width: int, height: int
+) -> Bins:
     """List the Gaussians of every tile that an ellipse touches: exact, a row of tiles at a time.
 
     `order` lists the Gaussians front to back; `size`, `width` and `height` are in pixels.
-    `boxes` lists those of every tile that the ellipse's bounding box touches, which costs more and
-    draws the same: for comparison.
     """
     columns, rows = -(-width // size), -(-height // size)
     spans = _row_spans(footprints, order, size, rows)
-    first_column, column_count = _span(*_reach_in_rows(spans, size, boxes), size, columns)
+    first_column, column_count = _span(*_reach_in_rows(spans, size), size, columns)
     pair = torch.repeat_interleave(column_count)
     ends = column_count.cumsum(0)
     first_tile = spans.row * columns + first_column - ends + column_count
@@ -144,9 +141,7 @@ def _row_spans(footprints: Footprints, order: Int[Tensor, " m"], size: int, rows
     return _RowSpans(row, owner, firsts, (x, y, xx, xy, yy, within, radius, reach))
 
 
-def _reach_in_rows(
-    spans: _RowSpans, size: int, boxes: bool
-) -> tuple[Float[Tensor, " r"], Float[Tensor, " r"]]:
+def _reach_in_rows(spans: _RowSpans, size: int) -> tuple[Float[Tensor, " r"], Float[Tensor, " r"]]:
     """Lowest and highest x, pixels, that each ellipse has in each of its rows of tiles.
 
     In a row the ellipse's x is extreme at its own tip, or at the edge nearest to that.
@@ -159,8 +154,6 @@ def _reach_in_rows(
     bottom = top + (size - 1)
 
     def edge(sign: float) -> Float[Tensor, " r"]:
-        if boxes:
-            return x + sign * (within * radius_squared + (shear * reach).square()).sqrt()
         dy = torch.minimum(torch.maximum(sign * tip, top), bottom)
         dy = torch.minimum(torch.maximum(dy, -reach), reach)
         half = (within * (radius_squared - dy * dy * per_yy).clamp_min(0)).sqrt()

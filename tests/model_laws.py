@@ -25,11 +25,10 @@ def run(
     model: Model, pictures: torch.Tensor, start: torch.Tensor, settings: SamplerSettings, **options
 ) -> Iterator[SamplerStep]:
     """The sampler's steps from this noise, at the model's own levels and guidance."""
-    weighted, settings = for_settings(model, settings)
-    assert isinstance(weighted, Model)
-    condition = weighted.condition(pictures, PROMPT, torch.Generator())
-    levels = levels_for(weighted, settings, (start.shape[2], start.shape[3]))
-    return sample(weighted, condition, start, settings, levels=levels, **options)
+    settings = for_settings(model, settings)
+    condition = model.condition(pictures, PROMPT, torch.Generator())
+    levels = levels_for(model, settings, (start.shape[2], start.shape[3]))
+    return sample(model, condition, start, settings, levels=levels, **options)
 
 
 def micro_batches_change_nothing(

@@ -29,7 +29,7 @@ def as_files(images: Tensor) -> list[Image.Image]:
 
 def noise(model: Any, images: Tensor, seed: int = 2) -> Tensor:
     rows, columns = (side // model.cell for side in images.shape[1:3])
-    shape = (len(images), model.channels, rows, columns)
+    shape = (len(images), model.vae.config.latent_channels, rows, columns)
     return torch.randn(shape, generator=torch.Generator().manual_seed(seed))
 
 

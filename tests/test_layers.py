@@ -47,7 +47,7 @@ ORDER = {
         "errors",
     ),
     "rasterizer": (
-        "reference", "rasterization", "gsplat_meta", "gsplat_inputs", "pixel_lists",
+        "reference", "rasterization", "gsplat_inputs", "pixel_lists",
         "render", "color_weights",
         "cpp_projection", "splat",
         "preprocess", "checks",

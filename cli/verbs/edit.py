@@ -66,9 +66,9 @@ class EditOptions(Reads, Resumes):
     preset: str = option("default", "default|quick|paper")
     """Values of the options that are not given. quick: half of the evaluations of a 2D model.
     paper: Efficient-NeRF2NeRF as printed; gsedit list presets shows all that each sets."""
-    features: str = option("filters", "filters|vgg|FILE")
+    features: str = option("filters", "filters|vgg")
     """Features of the Gram loss. filters: a filter bank. vgg: the VGG16 of stlpips_pytorch
-    (gsedit[perceptual]). FILE: a VGG16 of torchvision, .pth or .safetensors."""
+    (gsedit[perceptual])."""
 
 
 @dataclass(frozen=True)

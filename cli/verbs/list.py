@@ -77,9 +77,9 @@ def list_editors() -> None:
 
 def list_masks() -> None:
     """Print every mask provider, of gsedit and of other packages."""
-    from gsedit.editors import list_masks
+    from gsedit.editors.registry import MASKS
 
-    for each in list_masks():
+    for each in MASKS.list():
         record, origin = {**vars(each), "ready": each.ready}, f"from {each.source}"
         text = each.summary if each.source == "gsedit" else origin
         print_result(record, f"{each.name:<12} {text}")

@@ -47,9 +47,9 @@ class StyleOptions(Reads, Writes, WhereOptions):
 
     out: Path = option(..., "PATH", flags="--output -o")
     """Scene to write; its suffix is the format."""
-    features: str = option("filters", "filters|vgg|FILE")
+    features: str = option("filters", "filters|vgg")
     """Features that compare textures. filters: a filter bank. vgg: the VGG16 of stlpips_pytorch
-    (gsedit[perceptual]). FILE: a VGG16 of torchvision."""
+    (gsedit[perceptual])."""
 
 
 def style_settings() -> list[Setting]:

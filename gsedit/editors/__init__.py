@@ -9,12 +9,6 @@ from rasterizer.lazy import make_lazy
 if TYPE_CHECKING:
     from gsedit.editor_protocol import Capabilities, Denoiser, EditBatch, Editor, EditProgress
     from gsedit.editors.plugins import Listing
-    from gsedit.editors.registry import (
-        editor_names,
-        list_editors,
-        list_masks,
-        make_editor,
-        make_masks,
-    )
+    from gsedit.editors.registry import list_editors, make_editor, make_masks
 
 make_lazy(__name__)

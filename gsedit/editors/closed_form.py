@@ -158,7 +158,6 @@ class ClosedForm:
     cell: int = CELL_PIXELS
     multiple: int = CELL_PIXELS
     padding: PadMode = "edge"
-    channels: int = 3 * CELL_PIXELS * CELL_PIXELS + CODE
     predicts: Prediction = "eps"
 
     @property

@@ -104,8 +104,9 @@ class SharedDenoiser:
     """A Denoiser of which each rank encodes, predicts and decodes its share of the views, and all
     get all of them. Its condition is that of this rank's views; None where it has none."""
 
-    def __init__(self, denoiser: Denoiser, ranks: Ranks) -> None:
-        self._denoiser, self._ranks = denoiser, ranks
+    def __init__(self, denoiser: Any, ranks: Ranks) -> None:
+        self._denoiser: Denoiser = denoiser
+        self._ranks = ranks
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._denoiser, name)
@@ -113,13 +114,7 @@ class SharedDenoiser:
     @property
     def capabilities(self) -> Capabilities:
         """The denoiser's, and the denoiser itself, for who computes the same on all ranks."""
-        declared = self._denoiser.capabilities
-        weighted = declared.with_text_weight
-        return replace(
-            declared,
-            denoiser=self._denoiser,
-            with_text_weight=weighted and (lambda weight: self._with(weighted(weight))),
-        )
+        return replace(self._denoiser.capabilities, denoiser=self._denoiser)
 
     def encode(self, images: Float[Tensor, "v h w 3"]) -> Float[Tensor, "v c y x"]:
         return self._ranks.rows(self._denoiser.encode, images)
@@ -166,13 +161,11 @@ class SharedDenoiser:
         network = own.predictor.network if isinstance(own.predictor, InBfloat16) else own.predictor
         found = isinstance(own.predictor, InBfloat16), own.evaluations
         rounded, evaluations = self._ranks.first(found)
-        return Prepared(self._with(InBfloat16(network) if rounded else network), evaluations)
+        shared: Any = SharedDenoiser(InBfloat16(network) if rounded else network, self._ranks)
+        return Prepared(shared, evaluations)
 
     def _mine(self, rows: Tensor) -> Tensor:
         return rows[self._ranks.share(len(rows))]
-
-    def _with(self, denoiser: Any) -> Any:
-        return SharedDenoiser(denoiser, self._ranks)
 
 
 @dataclass(frozen=True)

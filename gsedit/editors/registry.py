@@ -201,11 +201,6 @@ def make_editor(name: str = DEFAULT, **options: Any) -> Editor:
     return EDITORS.make(name, options)
 
 
-def editor_names() -> tuple[str, ...]:
-    """Every editor that `make_editor` takes, ours first."""
-    return EDITORS.names()
-
-
 def list_editors() -> tuple[Listing, ...]:
     """Every editor with what it needs. What cannot be imported is listed too; nothing is raised."""
     return EDITORS.list()
@@ -218,8 +213,3 @@ def make_masks(name: str, **options: Any) -> MaskProvider:
     detector of grounded-sam, whose `sam` is that of SAM. Raises as `make_editor`.
     """
     return MASKS.make(name, options)
-
-
-def list_masks() -> tuple[Listing, ...]:
-    """Every mask provider, as `list_editors`."""
-    return MASKS.list()

@@ -85,7 +85,7 @@ class DiffusionEditor:
         """
         self.check(batch.prompt)
         _check_shapes(batch)
-        denoiser, settings = for_settings(self.denoiser, settings)
+        denoiser, settings = self.denoiser, for_settings(self.denoiser, settings)
         if batch.anchored is not None and batch.anchored.all():
             yield EditProgress(settings.step_count, settings.step_count, batch.images.clone())
             return
@@ -117,7 +117,7 @@ class DiffusionEditor:
         """The cost of a view of such a batch, measured by evaluating the network. Draws nothing
         from anyone's generator. Raises what `edit` raises."""
         self.check(batch.prompt)
-        denoiser, settings = for_settings(self.denoiser, settings)
+        denoiser, settings = self.denoiser, for_settings(self.denoiser, settings)
         whole = padded(batch, self.denoiser)
         z0 = denoiser.encode(whole.images)
         rows, columns = z0.shape[2:]

@@ -168,8 +168,12 @@ def compare_targets(views: UneditedViews, targets: Pictures) -> tuple[WarpCompar
     every = itertools.combinations(sorted(targets), 2)
     long = [pair for pair in every if pair not in short]
     rows = (
-        compare_pairs(views, targets, "targets", "short", _evenly(short)),
-        compare_pairs(views, targets, "targets", "long", _evenly(long)),
+        compare_pairs(
+            views, targets, "targets", "short", [short[i] for i in evenly_spaced(len(short), PAIRS)]
+        ),
+        compare_pairs(
+            views, targets, "targets", "long", [long[i] for i in evenly_spaced(len(long), PAIRS)]
+        ),
     )
     return tuple(row for row in rows if row)
 
@@ -297,10 +301,6 @@ def _surface(rendering: Rendering) -> tuple[Float[Tensor, "h w"], Float[Tensor, 
     """(median depth, alpha) of a rendering that was asked for depth."""
     assert rendering.median_depth is not None
     return rendering.median_depth, rendering.alpha
-
-
-def _evenly(pairs: Pairs) -> Pairs:
-    return [pairs[i] for i in evenly_spaced(len(pairs), PAIRS)] if pairs else []
 
 
 def _displacement(a: Camera, b: Camera, depth: float) -> float:

@@ -24,22 +24,12 @@ from gsedit.errors import InputError, UsageError
 from gsedit.measures.features import FeatureExtractor, ScaledFeatures, with_equal_energy
 
 VGG16 = {
-    "relu1_1": (0, 3, 64),
-    "relu1_2": (2, 64, 64),
-    "relu2_1": (5, 64, 128),
-    "relu2_2": (7, 128, 128),
-    "relu3_1": (10, 128, 256),
-    "relu3_2": (12, 256, 256),
-    "relu3_3": (14, 256, 256),
-    "relu4_1": (17, 256, 512),
-    "relu4_2": (19, 512, 512),
-    "relu4_3": (21, 512, 512),
-    "relu5_1": (24, 512, 512),
-    "relu5_2": (26, 512, 512),
-    "relu5_3": (28, 512, 512),
-}
-"""The 13 convolutions (3x3, padding 1): number in torchvision's `features`, channels in and out.
-Configuration D of Simonyan and Zisserman 2015; a 2x2 maximum pool before each `reluN_1`, N > 1."""
+    "relu1_1": 0, "relu1_2": 2, "relu2_1": 5, "relu2_2": 7, "relu3_1": 10, "relu3_2": 12,
+    "relu3_3": 14, "relu4_1": 17, "relu4_2": 19, "relu4_3": 21, "relu5_1": 24, "relu5_2": 26,
+    "relu5_3": 28,
+}  # fmt: skip
+"""The 13 convolutions (3x3, padding 1) by their number in torchvision's `features`. Configuration D
+of Simonyan and Zisserman 2015; a 2x2 maximum pool before each `reluN_1`, N > 1."""
 STYLE_LAYERS = ("relu1_2", "relu2_2", "relu3_3", "relu4_3")
 """The style layers of Johnson et al. 2016, whom the paper cites for its Gram matrix."""
 IMAGENET_MEAN = (0.485, 0.456, 0.406)
@@ -50,43 +40,37 @@ BORDER = 2
 """Pixels reflected on every side before a blur, which the weights were trained with."""
 
 
-class Vgg16:
-    """Feature maps of a local VGG16: torchvision's state dict, or the shift-tolerant one, as .pth
-    or .safetensors. The tensors' names tell which."""
+Weights = Mapping[str, Tensor]
+"""The tensors of a file of weights, by name."""
 
-    def __init__(self, path: str | Path, layers: Sequence[str] = STYLE_LAYERS) -> None:
-        """Reads the convolutions up to the deepest of `layers`. Raises InputError, UsageError."""
-        unknown = [name for name in layers if name not in VGG16]
-        if unknown or not layers:
-            raise UsageError(
-                f"VGG16 has no layer {', '.join(unknown) or '(none given)'}; choose from: "
-                f"{', '.join(VGG16)}."
-            )
+
+def _convolution(
+    weights: Weights, name: str
+) -> tuple[Float[Tensor, "o i k k"], Float[Tensor, " o"]]:
+    """(weight, bias) of a convolution."""
+    return weights[f"{name}.weight"].float(), weights[f"{name}.bias"].float()
+
+
+class Vgg16:
+    """Some feature maps of the shift-tolerant VGG16."""
+
+    def __init__(self, weights: Weights, layers: Sequence[str] = STYLE_LAYERS) -> None:
         self.layers = tuple(name for name in VGG16 if name in layers)
         depth = list(VGG16).index(self.layers[-1]) + 1
-        weights = WeightsFile(path, "torchvision's vgg16-397923af.pth")
-        self.shift_tolerant = "net.slice1.0.weight" in weights.state
-        self.convolutions = {
-            name: weights.convolution(self._key(name, number), (outputs, inputs, 3, 3))
-            for name, (number, inputs, outputs) in list(VGG16.items())[:depth]
-        }
-
-    def _key(self, name: str, number: int) -> str:
-        """The name of a convolution in the file. The shift-tolerant network has one module more,
-        the blur, at each pooling before it."""
-        block = int(name[4])
-        return (
-            f"net.slice{block}.{number + block - 1}"
-            if self.shift_tolerant
-            else (f"features.{number}")
-        )
+        self.convolutions = {}
+        for name, number in list(VGG16.items())[:depth]:
+            block = int(
+                name[4]
+            )  # with one module more than torchvision's: the blur at each pooling
+            key = f"net.slice{block}.{number + block - 1}"
+            self.convolutions[name] = _convolution(weights, key)
 
     def __call__(self, images: Float[Tensor, "n 3 h w"]) -> list[Float[Tensor, "n c y x"]]:
         """The chosen layers, shallow first. Each pooling halves the sides: relu4 needs 8 pixels."""
         x, layers = standardised(images), []
         for name, (weight, bias) in self.convolutions.items():
             if name.endswith("_1") and name != "relu1_1":
-                x = blur_pool(F.max_pool2d(x, 2, 1)) if self.shift_tolerant else F.max_pool2d(x, 2)
+                x = blur_pool(F.max_pool2d(x, 2, 1))
             x = F.conv2d(x, weight.to(x), bias.to(x), padding=1).relu()
             if name in self.layers:
                 layers.append(x)
@@ -94,13 +78,13 @@ class Vgg16:
 
 
 ALEXNET = {
-    "relu1": ("net.slice1.0", (64, 3, 11, 11), 2),
-    "relu2": ("net.slice2.5", (192, 64, 5, 5), 2),
-    "relu3": ("net.slice3.9", (384, 192, 3, 3), 1),
-    "relu4": ("net.slice4.11", (256, 384, 3, 3), 1),
-    "relu5": ("net.slice5.13", (256, 256, 3, 3), 1),
+    "relu1": ("net.slice1.0", 2),
+    "relu2": ("net.slice2.5", 2),
+    "relu3": ("net.slice3.9", 1),
+    "relu4": ("net.slice4.11", 1),
+    "relu5": ("net.slice5.13", 1),
 }
-"""Its convolutions: name in the file, shape, padding (Krizhevsky 2014)."""
+"""Its convolutions: name in the file, padding (Krizhevsky 2014)."""
 POOLED = ("relu2", "relu3")
 """The layers before which there is a 3x3 maximum pool."""
 
@@ -109,12 +93,9 @@ class ShiftTolerantAlexNet:
     """All five feature maps of the shift-tolerant AlexNet; its first convolution has stride 1 and
     a blur with stride 2 behind it."""
 
-    def __init__(self, path: str | Path) -> None:
-        """Read the weights from a file. Raises InputError."""
-        weights = WeightsFile(path, "alex_shift_tolerant.pth of stlpips_pytorch")
+    def __init__(self, weights: Weights) -> None:
         self.convolutions = {
-            name: (*weights.convolution(key, shape), padding)
-            for name, (key, shape, padding) in ALEXNET.items()
+            name: (*_convolution(weights, key), padding) for name, (key, padding) in ALEXNET.items()
         }
 
     def __call__(self, images: Float[Tensor, "n 3 h w"]) -> list[Float[Tensor, "n c y x"]]:
@@ -142,52 +123,6 @@ def blur_pool(x: Float[Tensor, "n c h w"]) -> Float[Tensor, "n c y x"]:
     channels = x.shape[1]
     bordered = F.pad(x, (BORDER,) * 4, mode="reflect")
     return F.conv2d(bordered, kernel.expand(channels, 1, 3, 3), stride=2, groups=channels)
-
-
-class WeightsFile:
-    """The tensors of a .pth or .safetensors; nothing in it is executed."""
-
-    def __init__(self, path: str | Path, wanted: str) -> None:
-        """`wanted`: the file that the message of an error advises. Raises InputError."""
-        self.path, self.wanted = Path(path), wanted
-        self.state = self._read()
-
-    def _read(self) -> Mapping[str, object]:
-        path, hint = self.path, f"give {self.wanted} or a .safetensors of the same tensors"
-        if not path.is_file():
-            raise InputError(f"{path}: no such file; {hint}.")
-        try:
-            if path.suffix == ".safetensors":
-                from safetensors.torch import load_file
-
-                return load_file(path)
-            state = torch.load(path, map_location="cpu", weights_only=True)
-        except Exception as error:  # a broken or hostile file can fail anywhere in the unpickler
-            reason = str(error).partition("\n")[0][:120]
-            raise InputError(f"{path}: not a readable weights file ({reason}); {hint}.") from error
-        if not isinstance(state, dict):
-            raise InputError(f"{path}: holds a {type(state).__name__}, not a state dict; {hint}.")
-        return state
-
-    def convolution(
-        self, name: str, shape: tuple[int, ...]
-    ) -> tuple[Float[Tensor, "o i k k"], Float[Tensor, " o"]]:
-        """(weight, bias) of a convolution of that shape; InputError if it has another."""
-        return self.tensor(f"{name}.weight", shape), self.tensor(f"{name}.bias", shape[:1])
-
-    def tensor(self, key: str, shape: tuple[int, ...]) -> Float[Tensor, "..."]:
-        """A tensor of that name and shape, float32; InputError if it is not there."""
-        tensor = self.state.get(key)
-        if not isinstance(tensor, Tensor):
-            raise InputError(
-                f"{self.path}: has no tensor {key}; are these the weights of {self.wanted}, with "
-                "their names?"
-            )
-        if tuple(tensor.shape) != shape:
-            raise InputError(
-                f"{self.path}: {key} is {tuple(tensor.shape)}, not {shape}; is it another network?"
-            )
-        return tensor.float()
 
 
 PACKAGE = "stlpips_pytorch"
@@ -222,13 +157,18 @@ def weights_path(name: str) -> Path:
     return path
 
 
+def read_weights(name: str) -> Weights:
+    """The tensors of a file of the installed package. Raises as `weights_path` does."""
+    return torch.load(weights_path(name), map_location="cpu", weights_only=True)
+
+
 @lru_cache(maxsize=1)
 def vgg_features() -> ScaledFeatures:
     """Features of the shift-tolerant VGG16 for the Gram loss, with layers of equal energy.
 
     Raises as `weights_path` does.
     """
-    return with_equal_energy(Vgg16(weights_path(VGG)))
+    return with_equal_energy(Vgg16(read_weights(VGG)))
 
 
 @lru_cache(maxsize=1)
@@ -237,25 +177,20 @@ def perceptual_distance() -> PerceptualDistance | None:
     None where the package is not installed. Raises InputError where its file is another."""
     if not is_installed():
         return None
-    path = weights_path(ALEX)
-    return PerceptualDistance(ShiftTolerantAlexNet(path), read_heads(path))
+    weights = read_weights(ALEX)
+    return PerceptualDistance(ShiftTolerantAlexNet(weights), read_heads(weights))
 
 
-SIZES = (64, 192, 384, 256, 256)
-"""Channels of the five layers of AlexNet."""
 SMALLEST = 32
 """Pixels a side that a picture needs."""
 EPSILON = 1e-10
 """Added to the length of a feature vector, which may be 0."""
 
 
-def read_heads(path: Path, sizes: Sequence[int] = SIZES) -> tuple[Float[Tensor, " _c"], ...]:
-    """The linear head of each layer: a weight of 0 or more for each channel. Raises InputError."""
-    weights = WeightsFile(path, f"the weights of {PACKAGE}")
-    return tuple(
-        weights.tensor(f"lin{i}.model.1.weight", (1, size, 1, 1)).reshape(-1)
-        for i, size in enumerate(sizes)
-    )
+def read_heads(weights: Weights) -> tuple[Float[Tensor, " _c"], ...]:
+    """The linear head of each layer of AlexNet: a weight of 0 or more for each channel."""
+    heads = (weights[f"lin{i}.model.1.weight"] for i in range(len(ALEXNET)))
+    return tuple(head.float().reshape(-1) for head in heads)
 
 
 @dataclass(frozen=True, eq=False)

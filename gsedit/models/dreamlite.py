@@ -136,7 +136,7 @@ class DreamLite(Model):
             super().capabilities,
             defaults=MOBILE_DEFAULTS if self.distilled else DEFAULTS,
             levels=self._levels,
-            with_text_weight=self.unguided if self.distilled else None,
+            distilled=self.distilled,
         )
 
     @property

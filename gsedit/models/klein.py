@@ -66,7 +66,7 @@ class Klein(Model):
             super().capabilities,
             levels=self._levels,
             defaults=DISTILLED if self.distilled else GUIDED,
-            with_text_weight=self.unguided if self.distilled else None,
+            distilled=self.distilled,
         )
 
     @property

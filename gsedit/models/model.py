@@ -23,7 +23,6 @@ from gsedit.errors import UsageError
 from gsedit.models.runtime import Runtime, in_torch
 
 F = TypeVar("F")
-M = TypeVar("M", bound="Model")
 
 
 class TextNetwork:
@@ -40,11 +39,6 @@ class TextNetwork:
             self._network = self._again()
         return self._network
 
-    @property
-    def in_memory(self) -> bool:
-        """Whether it is loaded now."""
-        return self._network is not None
-
     def __call__(self, *inputs: Any, **options: Any) -> Any:
         """The output of the network."""
         return self.network(*inputs, **options)
@@ -59,8 +53,8 @@ class TextNetwork:
 class Model(ABC):
     """A Denoiser over diffusers' networks; each family extends it.
 
-    A family has the properties and methods below that are abstract, and `cell` and `channels` where
-    its VAE is not diffusers' AutoencoderKL. Its networks are called through `run` alone.
+    A family has the properties and methods below that are abstract, and `cell` where its VAE is not
+    diffusers' AutoencoderKL. Its networks are called through `run` alone.
     """
 
     schedule: Schedule
@@ -89,11 +83,6 @@ class Model(ABC):
     def cell(self) -> int:
         """Pixels per latent cell: the VAE halves the sides between its blocks."""
         return 2 ** (len(self.vae.config.block_out_channels) - 1)
-
-    @property
-    def channels(self) -> int:
-        """Channels of a latent cell."""
-        return self.vae.config.latent_channels
 
     @property
     @abstractmethod
@@ -134,11 +123,14 @@ class Model(ABC):
 
     def mode(self, images: Float[Tensor, "v h w 3"]) -> Latents:
         """Latents of the VAE, not scaled, float32; differentiable."""
-        return encoded(self.run, self.vae, images, self.micro_batch)
+        parts = (2 * images - 1).movedim(-1, 1).to(self.vae.dtype).split(self.micro_batch)
+        return torch.cat([self.run(mode_of, self.vae, part).float() for part in parts])
 
     def pictures(self, latents: Latents) -> Float[Tensor, "v h w 3"]:
         """Pictures of latents as the VAE's decoder takes them, float32, not clamped."""
-        return decoded(self.run, self.vae, latents, self.micro_batch)
+        parts = latents.to(self.vae.dtype).split(self.micro_batch)
+        images = torch.cat([self.run(picture_of, self.vae, part).float() for part in parts])
+        return images.movedim(1, -1) / 2 + 0.5
 
     def encode(self, images: Float[Tensor, "v h w 3"]) -> Latents:
         """Latents scaled as the sampler has them, float32; differentiable."""
@@ -162,15 +154,6 @@ class Model(ABC):
             for network in self.text_networks:
                 network.put_away()
         return tuple(self.texts[text] for text in texts)
-
-    def unguided(self: M, weight: float) -> M:
-        """Itself, as `with_text_weight` of a distilled model. Raises UsageError for a weight."""
-        if weight != 1:
-            raise UsageError(
-                "this model was distilled to work without guidance, and would ignore guidance "
-                f"{weight:g}: leave it out"
-            )
-        return self
 
     def check(self, prompt: str) -> None:
         """Raise UsageError for an instruction that is empty, or longer than the model can read."""
@@ -213,26 +196,6 @@ def mode_of(vae: Any, pixels: Tensor) -> Tensor:
 def picture_of(vae: Any, latents: Tensor) -> Tensor:
     """Pixels in about [-1, 1] of latents."""
     return vae.decode(latents).sample
-
-
-def encoded(
-    run: Runtime, vae: Any, images: Float[Tensor, "v h w 3"], at_once: int
-) -> Float[Tensor, "v c y x"]:
-    """The mode of the posterior, not scaled, float32; `at_once` views in a pass. Differentiable."""
-    parts = (2 * images - 1).movedim(-1, 1).to(vae.dtype).split(at_once)
-    return torch.cat([run(mode_of, vae, part).float() for part in parts])
-
-
-def decoded(
-    run: Runtime,
-    vae: Any,
-    latents: Float[Tensor, "v c y x"],
-    at_once: int,
-) -> Float[Tensor, "v h w 3"]:
-    """Pictures of latents as the decoder takes them, float32, not clamped."""
-    parts = latents.to(vae.dtype).split(at_once)
-    images = torch.cat([run(picture_of, vae, part).float() for part in parts])
-    return images.movedim(1, -1) / 2 + 0.5
 
 
 # ---- texts ---------------------------------------------------------------------------------------

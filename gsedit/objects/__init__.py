@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from rasterizer.lazy import make_lazy
 
 if TYPE_CHECKING:
-    from gsedit.objects.bending.bend import Handle, bend, point_at
+    from gsedit.objects.bending.bend import Handle, bend
     from gsedit.objects.growth.grow import grow
     from gsedit.objects.placing.insert import insert
     from gsedit.objects.placing.place import place
@@ -16,5 +16,6 @@ if TYPE_CHECKING:
     from gsedit.select.click import Click, Selector
     from gsedit.select.phrase import find_phrase
     from gsedit.select.segment import Segments, segment
+    from gsedit.surface.depth import point_at
 
 make_lazy(__name__)

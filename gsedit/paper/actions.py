@@ -9,6 +9,7 @@ from typing import Protocol, runtime_checkable
 
 import torch
 
+from gsedit.datasets.dataset import View
 from gsedit.errors import InputError
 from gsedit.fitting.crops import ListedCrops
 from gsedit.fitting.random_crops import crops_needed
@@ -26,47 +27,18 @@ REPORT_EVERY_STEPS = 10
 """Optimizer steps between two events with the loss."""
 
 
-def fit_targets(
-    session: Session, span: range, round_steps: int, *, done: int = 0, total: int
-) -> Iterator[Event]:
-    """Fit the targets by the steps `span` of a round of `round_steps`.
-
-    `done` of `total` steps of the whole edit came before the round.
-    """
-    request, progress = session.request, session.progress
-    stopwatch, update = progress.stopwatch, request.settings.update
-    if not progress.edited.targets:
+def _edited(session: Session) -> dict[int, View]:
+    """The edited views, by index. Raises InputError where a checkpoint left none."""
+    targets = session.progress.edited.targets
+    if not targets:
         raise InputError("the checkpoint has no edited views to fit: remove it, and start again")
-    targets = _targets(session)
-    share = sum(target.share for target in targets) / len(targets)
-    update = replace(update, patches=crops_needed(update.patches, share))
-    with stopwatch.stage("update"):
-        if progress.crops.is_coarse and total - done - round_steps // 2 in span:
-            _calibrate_crops(session, targets)
-        losses = update_steps(
-            progress.optimizer,
-            targets,
-            seen_gaussians(session),
-            span,
-            round_steps,
-            update,
-            request.features,
-            request.generator,
-            progress.crops,
-        )
-        for step, loss in enumerate(losses, start=done + span.start + 1):
-            progress.work.steps += 1
-            if step % MEASURE_EVERY_STEPS == 0:
-                measured = measure_progress(session)
-                yield measured.event("update", stopwatch.seconds, step, total, loss)
-            elif step % REPORT_EVERY_STEPS == 0:
-                yield Event("update", stopwatch.seconds, step, total, loss)
+    return targets
 
 
 def _targets(session: Session) -> list[Target]:
     """The edited views as they are fitted; only those that changed since the last time are new."""
     edited, patch = session.progress.edited, session.request.settings.update.patch
-    masks = region_masks(session, edited.targets)
+    masks = region_masks(session, _edited(session))
     region = None if masks is None else session.region
     for i, view, mask in zip(edited.targets, edited.targets.values(), masks or repeat(None)):
         of, known = edited.fitted.get(i, (None, None))
@@ -88,33 +60,6 @@ def _calibrate_crops(session: Session, targets: list[Target]) -> None:
             for each in dict.fromkeys((target.small, target.view)):
                 picture = render_with_depth(scene, each.camera, execution).color
                 progress.crops.meet(each, picture, progress.optimizer)
-
-
-def solve_targets(session: Session, step: int, total: int) -> Iterator[Event]:
-    """Solve for the colors of the region that fit all targets; its events are of `step`.
-
-    Opacities and geometry stay. Of a large scene the groups move. Raises InputError where a
-    checkpoint left no targets.
-    """
-    request, progress = session.request, session.progress
-    optimizer, inside, targets = progress.optimizer, session.region.inside, progress.edited.targets
-    if not targets:
-        raise InputError("the checkpoint has no edited views to fit: remove it, and start again")
-    with progress.stopwatch.stage("update"):
-        optimizer.raise_negative_colors(inside)
-        start, views = optimizer.scene.detach(), list(targets.values())
-        pictures = None if request.coarse is None else [preview(session, i) for i in targets]
-        execution = request.settings.execution
-        solved = list(solve_colors(start, views, inside, pictures=pictures, execution=execution))
-        progress.work.steps += len(solved)
-        if solved:
-            every = torch.ones(len(start), dtype=torch.bool)
-            progress.work.followed = solved[-1].followed
-            progress.work.map_error = solved[-1].map_error
-            optimizer.replace(solved[-1].scene, torch.arange(len(start)), fresh=every)
-        measured = measure_progress(session)
-        loss = solved[-1].mse if solved else None
-        yield measured.event("update", progress.stopwatch.seconds, step, total, loss)
 
 
 MAX_STEPS_AT_ONCE = 10
@@ -149,10 +94,8 @@ class Strategy(Protocol):
 
 
 class RollbackAction:
-    """Base class of actions that never touch the optimizer, and are rolled back on failure.
-
-    A checkpoint is then made of the session as it was before the action.
-    """
+    """Base class of actions that never touch the optimizer: on failure a checkpoint is made of the
+    session as it was before."""
 
     def __call__(self, session: Session) -> Iterator[Event]:
         raise NotImplementedError
@@ -184,19 +127,62 @@ class Update:
     """Steps of the whole edit."""
 
     def __call__(self, session: Session) -> Iterator[Event]:
-        span = range(self.first, self.last)
-        yield from fit_targets(session, span, self.round_steps, done=self.done, total=self.total)
+        request, progress = session.request, session.progress
+        stopwatch, update = progress.stopwatch, request.settings.update
+        span, targets = range(self.first, self.last), _targets(session)
+        share = sum(target.share for target in targets) / len(targets)
+        update = replace(update, patches=crops_needed(update.patches, share))
+        with stopwatch.stage("update"):
+            if progress.crops.is_coarse and self.total - self.done - self.round_steps // 2 in span:
+                _calibrate_crops(session, targets)
+            losses = update_steps(
+                progress.optimizer,
+                targets,
+                seen_gaussians(session),
+                span,
+                self.round_steps,
+                update,
+                request.features,
+                request.generator,
+                progress.crops,
+            )
+            for step, loss in enumerate(losses, start=self.done + self.first + 1):
+                progress.work.steps += 1
+                if step % MEASURE_EVERY_STEPS == 0:
+                    yield measure_progress(session, step, self.total, loss)
+                elif step % REPORT_EVERY_STEPS == 0:
+                    yield Event("update", stopwatch.seconds, step, self.total, loss)
 
 
 @dataclass(frozen=True)
 class Solve:
-    """Bring the scene to the colors that fit the edited views best, after `step` of `total`."""
+    """Solve for the colors of the region that fit all targets best, after `step` of `total`.
+
+    Opacities and geometry stay. Of a large scene the groups move.
+    """
 
     step: int
     total: int
 
     def __call__(self, session: Session) -> Iterator[Event]:
-        yield from solve_targets(session, self.step, self.total)
+        request, progress, inside = session.request, session.progress, session.region.inside
+        optimizer, targets = progress.optimizer, _edited(session)
+        with progress.stopwatch.stage("update"):
+            optimizer.raise_negative_colors(inside)
+            start, views = optimizer.scene.detach(), list(targets.values())
+            pictures = None if request.coarse is None else [preview(session, i) for i in targets]
+            execution = request.settings.execution
+            solved = list(
+                solve_colors(start, views, inside, pictures=pictures, execution=execution)
+            )
+            progress.work.steps += len(solved)
+            if solved:
+                every = torch.ones(len(start), dtype=torch.bool)
+                progress.work.followed = solved[-1].followed
+                progress.work.map_error = solved[-1].map_error
+                optimizer.replace(solved[-1].scene, torch.arange(len(start)), fresh=every)
+            loss = solved[-1].mse if solved else None
+            yield measure_progress(session, self.step, self.total, loss)
 
 
 def fit_round(session: Session, steps: int, *, done: int, total: int) -> Iterator[Action]:

@@ -20,21 +20,21 @@ from gsedit.paper.progress import start_progress
 from gsedit.paper.request import Request, request_record, uses_all_views
 from gsedit.paper.session import Session
 from gsedit.paper.skips import (
+    DISABLED,
     TERMINAL_COLUMNS,
     Decision,
     decide_merging,
     decide_views,
-    disabled,
     one_line,
     screen,
 )
 from gsedit.paper.state import (
-    SessionSnapshot,
     check_resumable,
     restore,
     session_state,
     stopwatch_of,
     view_plan_of,
+    views_state,
 )
 from gsedit.paper.survey import survey_views
 from gsedit.paper.unedited import UneditedRenders
@@ -126,20 +126,20 @@ def explain_skips(session: Session) -> tuple[Decision, ...]:
 
     Nothing is decided here that the session does not do already.
     """
-    request, surveyed, settings = session.request, session.surveyed, session.request.settings
+    request, plan, settings = session.request, session.plan, session.request.settings
     decisions = (
         decide_merging(len(request.whole), len(request.scene)),
         decide_views(
-            len(surveyed.plan.views),
+            len(plan.views),
             min(settings.batches * settings.views_per_batch, len(request.views)),
-            surveyed.plan.coverage[-1],
+            plan.coverage[-1],
             settings.coverage,
             needs_all=uses_all_views(request.strategy),
         ),
     )
     return tuple(
-        decision if settings.skips(decision.name) else disabled(decision.name)
-        for decision in decisions
+        each if settings.skips(each.name) else Decision(each.name, False, DISABLED)
+        for each in decisions
     )
 
 
@@ -166,10 +166,11 @@ def _session(
     request: Request, stopwatch: Stopwatch, noise_seed: int, plan: ViewPlan | None = None
 ) -> Generator[Event, None, Session]:
     """A session that has not begun, of a request whose views are surveyed."""
-    request, surveyed = yield from survey_views(request, stopwatch, plan)
-    unedited = UneditedRenders(request, surveyed.renderings)
+    bands = request.scene.sh
+    request, plan, weights = yield from survey_views(request, stopwatch, plan)
+    unedited = UneditedRenders(request)
     progress = start_progress(request, unedited, stopwatch, noise_seed)
-    return Session(request, surveyed, unedited, progress)
+    return Session(request, plan, weights, bands, unedited, progress)
 
 
 def run_schedule(session: Session) -> Iterator[Event | Checkpoint]:
@@ -195,8 +196,8 @@ def run_schedule(session: Session) -> Iterator[Event | Checkpoint]:
 
 
 def _run_atomically(action: RollbackAction, session: Session) -> Iterator[Event | Checkpoint]:
-    """Run an action; on failure, restore the session and yield a checkpoint of it as it was."""
-    snapshot, events = SessionSnapshot(session), 0
+    """Run an action; on failure, yield a checkpoint of the session as it was."""
+    before, events = views_state(session), 0
     try:
         for event in action(session):
             events += 1
@@ -204,16 +205,16 @@ def _run_atomically(action: RollbackAction, session: Session) -> Iterator[Event 
     except GeneratorExit:
         raise
     except BaseException:  # Ctrl-C too
-        snapshot.restore(session)
         if session.progress.work.actions:
-            yield checkpoint(session, undone=events)
+            yield checkpoint(session, before, undone=events)
         raise
 
 
-def checkpoint(session: Session, undone: int = 0) -> Checkpoint:
-    """A checkpoint of the session; the last `undone` events belong to an action rolled back."""
+def checkpoint(session: Session, views: State | None = None, undone: int = 0) -> Checkpoint:
+    """A checkpoint of the session, with the `views` as they are, or were before an action that
+    failed: its events, the last `undone`, are not done."""
     return Checkpoint(
-        session_state(session).along_with(undone=undone),
+        session_state(session, views).along_with(undone=undone),
         session.progress.work.steps,
         session.progress.stopwatch.seconds,
         session.whole_scene,

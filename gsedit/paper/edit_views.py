@@ -119,7 +119,7 @@ def edit_views(
     settings = session.request.settings
     sampler, anchors = sampler or settings.sampler, settings.anchors
     edited, stopwatch = session.progress.edited, session.progress.stopwatch
-    tied = choose_anchors(session.surveyed.weights, batch, tuple(edited.targets))[:anchors]
+    tied = choose_anchors(session.weights, batch, tuple(edited.targets))[:anchors]
     members = (*batch, *tied)
     with stopwatch.stage("correspond"):
         matches = match_views(session, members)
@@ -232,7 +232,7 @@ def match_views(session: Session, members: Sequence[int]) -> Correspondences:
         pad_to_multiple(torch.stack(alphas), cell, "constant"),
         cell=cell,
         rules=DEFAULT_RULES if visibility else NO_RULES,
-        apart=_apart(session.surveyed.weights, members) if visibility else set(),
+        apart=_apart(session.weights, members) if visibility else set(),
     )
 
 

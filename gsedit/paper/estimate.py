@@ -64,7 +64,7 @@ def estimate_edit(session: Session) -> Estimate | None:
     is_plain = asks_editor(request.strategy) and fits_pictures(request.strategy)
     if measure is None or request.ranks.size > 1 or not is_plain:
         return None
-    plan = session.surveyed.plan
+    plan = session.plan
     cost = measure(batch_of(session, plan.batches[0]), request.settings.sampler)
     held_out = 2 * min(request.settings.held_out_edits, len(request.evaluation_views))
     return Estimate(len(plan.views), held_out, cost, cheaper(cost))

@@ -22,8 +22,7 @@ from gsedit.paper.edit_views import MEASURE, match_views, sample_views
 from gsedit.paper.evidence import SHEET_HELD_OUT_VIEWS, EditMetrics, Evidence, HeldOutViews
 from gsedit.paper.measure_progress import (
     MAX_PROGRESS_VIEWS,
-    to_ground_truth,
-    to_targets,
+    error_event,
     true_edits,
 )
 from gsedit.paper.request import name_of
@@ -48,17 +47,16 @@ def evaluate_edit(session: Session) -> Generator[Event, None, Drawing]:
     Yields the editor's steps, and last what the progress was measured by, over all views.
     """
     request, views = session.request, session.request.every_view
-    shown = tuple(session.progress.edited.targets or session.surveyed.plan.views)
+    shown = tuple(session.progress.edited.targets or session.plan.views)
     asked = request.settings.held_out_edits
     held_out = spread(request.held_out_indices, max(SHEET_HELD_OUT_VIEWS, asked))
     answers = yield from _edit_held_out(session, held_out[:asked])
     alone = yield from _edit_alone(session, tuple(answers))
     given = replace(_evaluation_input(session, shown, held_out, answers), edits_alone=alone)
     metrics = EditMetrics(evaluate(given), tuple(session.progress.edited.pairs))
-    final = to_targets(metrics.psnr_to_targets)
-    if given.ground_truth:
-        final = to_ground_truth(metrics.psnr_to_ground_truth, len(given.ground_truth))
-    yield final.event("measure", session.progress.stopwatch.seconds)
+    truths = len(given.ground_truth)
+    final = metrics.psnr_to_ground_truth if truths else metrics.psnr_to_targets
+    yield error_event("measure", session.progress.stopwatch.seconds, final, truths)
     originals = {i: session.unedited.picture(i) for i in (*shown, *held_out)}
     evidence = Evidence(
         metrics=metrics,
@@ -75,7 +73,7 @@ def evaluate_edit(session: Session) -> Generator[Event, None, Drawing]:
         finals=_with_pictures(views, given.finals, shown),
         strategy=request.strategy,
         strategy_name=name_of(request.strategy),
-        view_plan=session.surveyed.plan,
+        view_plan=session.plan,
         work=session.progress.work,
     )
     scene, region = given.scene, given.region or session.region

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from jaxtyping import Float
 from torch import Tensor
@@ -19,46 +18,37 @@ MAX_PROGRESS_VIEWS = 3
 the other metrics are measured at all."""
 
 
-@dataclass(frozen=True)
-class Measurement:
-    """Mean PSNR of the scene's renders to other pictures."""
-
-    decibels: float | None
-    """PSNR in dB; None where there is nothing to compare with."""
-    against: str
-    """The pictures that the renders were compared with, for a person."""
-
-    def event(
-        self, stage: str, seconds: float, step: int = 0, steps: int = 0, loss: float | None = None
-    ) -> Event:
-        """The measurement as an event of that stage."""
-        if self.decibels is None:
-            return Event(stage, seconds, step, steps, loss)
-        note = f"{self.decibels:.2f} dB to the {self.against}"
-        return Event(stage, seconds, step, steps, loss, rmse_from_psnr(self.decibels), note)
-
-
-def to_ground_truth(decibels: float | None, views: int) -> Measurement:
-    """A measurement against the true edit of so many held-out views."""
-    return Measurement(decibels, f"ground truth at {views} held-out cameras")
+def error_event(
+    stage: str,
+    seconds: float,
+    decibels: float | None,
+    truths: int,
+    step: int = 0,
+    steps: int = 0,
+    loss: float | None = None,
+) -> Event:
+    """A mean PSNR, if there is one, as an event: to the true edit of so many held-out views, or of
+    none, to the targets, which tells how far the scene follows them and not how good they are."""
+    if decibels is None:
+        return Event(stage, seconds, step, steps, loss)
+    known = f"ground truth at {truths} held-out cameras"
+    against = known if truths else "targets it is fitted to (residual)"
+    note = f"{decibels:.2f} dB to the {against}"
+    return Event(stage, seconds, step, steps, loss, rmse_from_psnr(decibels), note)
 
 
-def to_targets(decibels: float | None) -> Measurement:
-    """A measurement against the targets: how far the scene follows them, not how good they are."""
-    return Measurement(decibels, "targets it is fitted to (residual)")
-
-
-def measure_progress(session: Session) -> Measurement:
+def measure_progress(session: Session, step: int, steps: int, loss: float | None) -> Event:
     """The error of the scene as it is now, at up to three evenly spaced views.
 
     Against the ground truth at held-out cameras where it is known, otherwise against the targets.
     """
-    evaluated = session.request.evaluation_views
-    if truths := true_edits(session, _few(evaluated)):
-        return to_ground_truth(_mean_psnr(session, truths), len(truths))
+    truths = true_edits(session, _few(session.request.evaluation_views))
     targets = session.progress.edited.targets
-    expected = {i: targets[i].image for i in _few(tuple(targets))}
-    return to_targets(_mean_psnr(session, expected) if expected else None)
+    expected = truths or {i: targets[i].image for i in _few(tuple(targets))}
+    values = [psnr(preview(session, i), image) for i, image in expected.items()]
+    decibels = sum(values) / len(values) if values else None
+    seconds = session.progress.stopwatch.seconds
+    return error_event("update", seconds, decibels, len(truths), step, steps, loss)
 
 
 def true_edits(session: Session, views: Sequence[int]) -> dict[int, Float[Tensor, "h w 3"]]:
@@ -68,12 +58,6 @@ def true_edits(session: Session, views: Sequence[int]) -> dict[int, Float[Tensor
         return {}
     unedited = {i: session.unedited.picture(i) for i in views}
     return {i: session.within_region(i, truth(image[None])[0]) for i, image in unedited.items()}
-
-
-def _mean_psnr(session: Session, expected: dict[int, Float[Tensor, "h w 3"]]) -> float:
-    """Mean PSNR, dB, of previews of the scene to the expected pictures, of which there are some."""
-    values = [psnr(preview(session, i), image) for i, image in expected.items()]
-    return sum(values) / len(values)
 
 
 def _few(indices: Sequence[int]) -> list[int]:

@@ -15,8 +15,8 @@ from torch import Tensor
 from gsedit.fitting.random_crops import MIN_SHOWN_SHARE
 from gsedit.paper.progress import Progress
 from gsedit.paper.request import Request
-from gsedit.paper.survey import SurveyedViews
 from gsedit.paper.unedited import UneditedRenders, render_with_depth
+from gsedit.paper.view_plan import ViewPlan
 from gsedit.scene.picture import render_picture
 from gsedit.select.region import Region, everything
 from rasterizer.camera import Camera
@@ -31,7 +31,13 @@ class Session:
     """An edit in progress."""
 
     request: Request
-    surveyed: SurveyedViews
+    plan: ViewPlan
+    """The views that are edited."""
+    weights: Float[Tensor, "v n"]
+    """How much each view sees of each Gaussian, in pixels of a small picture."""
+    bands: Float[Tensor, "n k 3"]
+    """The scene's spherical harmonics, all of them: the request's scene has those that are fitted.
+    """
     unedited: UneditedRenders
     progress: Progress
 
@@ -47,24 +53,20 @@ class Session:
 
     def within_region(self, i: int, edited: Float[Tensor, "h w 3"]) -> Float[Tensor, "h w 3"]:
         """The edited picture of view i where the region shows, the unedited one elsewhere."""
-        return self.unedited.within(self.region, i, edited)
+        region, unedited = self.region, self.unedited
+        if region.is_all:
+            return edited
+        covered = unedited.coverage(region, i)[..., None].to(edited)
+        return torch.lerp(unedited.picture(i), edited, covered)
 
     def whole_scene(self) -> Gaussians:
         """A copy of the scene as it is now, with all its bands and all Gaussians of a large one."""
         if (coarse := self.request.coarse) is not None:
             return coarse.transfer(self.scene)
         edited = self.scene
-        rest = self.surveyed.scene.sh[:, edited.sh.shape[1] :]
+        rest = self.bands[:, edited.sh.shape[1] :]
         whole = replace(edited, sh=torch.cat((edited.sh, rest), 1)) if rest.shape[1] else edited
         return whole.map(torch.clone)
-
-
-def render_edited(session: Session, views: Iterable[int]) -> dict[int, Float[Tensor, "h w 3"]]:
-    """Pictures of the whole scene as it is now, in [0, 1], by the index of the view."""
-    request = session.request
-    scene = session.scene if request.coarse is None else session.whole_scene()
-    execution, every = request.settings.execution, request.every_view
-    return {i: render_picture(scene, every[i].camera, execution) for i in views}
 
 
 @torch.no_grad()
@@ -94,10 +96,9 @@ def seen_gaussians(session: Session, views: Iterable[int] | None = None) -> Bool
 
     Without `views`: the edited ones, or the planned ones before any is edited.
     """
-    surveyed, inside = session.surveyed, session.region.inside
-    rows = list(session.progress.edited.targets or surveyed.plan.views) if views is None else views
-    seen = surveyed.weights[list(rows)].sum(0) > MIN_SEEN_PIXELS
-    return seen & inside
+    rows = list(session.progress.edited.targets or session.plan.views) if views is None else views
+    seen = session.weights[list(rows)].sum(0) > MIN_SEEN_PIXELS
+    return seen & session.region.inside
 
 
 def region_masks(session: Session, views: Iterable[int]) -> list[Bool[Tensor, "h w"]] | None:

@@ -13,31 +13,7 @@ DECISIONS: tuple[str, ...] = get_args(DecisionName)
 
 TERMINAL_COLUMNS = 80
 NAME_COLUMNS = 18
-
-
-@dataclass(frozen=True)
-class Skipped:
-    """A number of skipped things out of all of their kind."""
-
-    count: int
-    of: int
-    what: str
-    """The kind of thing, in the plural."""
-
-    def __str__(self) -> str:
-        return f"{self.count:,} of {self.of:,} {self.what}"
-
-
-@dataclass(frozen=True)
-class Bound:
-    """The largest difference that a decision can make to a picture."""
-
-    value: float
-    unit: str
-    """The unit of the value and where it is measured. Colors are in [0, 1]."""
-
-    def __str__(self) -> str:
-        return f"{self.value:.2g} {self.unit}" if self.value else "0: nothing changes"
+DISABLED = "Not decided: --disable names it"
 
 
 @dataclass(frozen=True)
@@ -48,21 +24,26 @@ class Decision:
     applies: bool
     """Whether anything is skipped here; if not, the work is needed, or there is none of it."""
     reason: str
-    skipped: Skipped | None = None
+    skipped: str = ""
+    """Number of skipped things, out of all of their kind."""
     saving: float = 0.0
     """Estimated share of `saves` that is not done, in [0, 1]."""
     saves: str = ""
     """The work that `saving` is a share of."""
-    bound: Bound | None = None
-    """None where nothing is skipped, or no bound is known (docs/measurements/editing.md has
-    what was measured)."""
+    bound: float | None = None
+    """The largest difference that it can make to a picture; None where nothing is skipped, or no
+    bound is known (docs/measurements/editing.md has what was measured)."""
+    bounds: str = ""
+    """The unit of the bound and where it is measured. Colors are in [0, 1]."""
 
     def describe(self) -> str:
         """The decision with its reason, saving and bound, for a person."""
         if not self.applies:
             return f"{self.reason}."
-        parts = [str(self.skipped)] if self.skipped else []
-        error = f"Error at most {self.bound}" if self.bound else "Error measured, not bounded"
+        parts = [self.skipped] if self.skipped else []
+        error = "Error measured, not bounded"
+        if self.bound is not None:
+            error = f"Error at most {self.bound:.2g} {self.bounds}"
         parts += [self.reason, f"Saves {self.saving:.0%} of {self.saves}", error]
         return ". ".join(parts) + "."
 
@@ -100,7 +81,7 @@ def decide_merging(gaussians: int, groups: int) -> Decision:
         "Most are smaller than the pixels of the edit: neighbors are surveyed and fitted together "
         "as one, and each takes its share of the change. The error was measured "
         "(docs/measurements/scale.md), it has no proven bound",
-        Skipped(gaussians - groups, gaussians, "Gaussians"),
+        f"{gaussians - groups:,} of {gaussians:,} Gaussians",
         1 - groups / gaussians,
         "the Gaussians of the survey and the update",
     )
@@ -125,13 +106,9 @@ def decide_views(
         "views",
         True,
         f"{edited} views show well {coverage:.1%} of what all show",
-        Skipped(budget - edited, budget, "views that may be edited"),
+        f"{budget - edited:,} of {budget:,} views that may be edited",
         1 - edited / budget,
         "the editing and the update",
-        Bound(1 - coverage, "of a pixel's color, mean over the pixels of all views"),
+        1 - coverage,
+        "of a pixel's color, mean over the pixels of all views",
     )
-
-
-def disabled(name: DecisionName) -> Decision:
-    """The decision of an edit whose settings disable this kind of skipping."""
-    return Decision(name, False, "Not decided: --disable names it")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, astuple, replace
+from dataclasses import asdict
 from operator import index
 from typing import Any
 
@@ -15,7 +15,7 @@ from gsedit.datasets.dataset import View
 from gsedit.errors import Said, UsageError
 from gsedit.fitting.crops import ListedCrops
 from gsedit.paper.edit_views import find_ground_truth
-from gsedit.paper.progress import EditedViews, Work
+from gsedit.paper.progress import Work
 from gsedit.paper.session import Session
 from gsedit.paper.view_plan import ViewPlan
 from gsedit.runs.state import State, check_same, restoring, tensor_like
@@ -26,13 +26,10 @@ FORMAT = 5
 """Version of an edit's state: raised when older states can no longer be restored."""
 
 
-def session_state(session: Session) -> State:
-    """Everything that changes during an edit; the tensors are the session's own."""
-    progress, edited = session.progress, session.progress.edited
-    tensors = {f"optimizer.{name}": each for name, each in progress.optimizer.state().items()}
-    if isinstance(progress.crops, ListedCrops):
-        tensors |= {f"met.{name}": each for name, each in progress.crops.state().items()}
-    tensors["generator"] = session.request.generator.get_state()
+def views_state(session: Session) -> State:
+    """Everything that asking the 2D editor changes; the tensors are the session's own."""
+    edited = session.progress.edited
+    tensors = {"generator": session.request.generator.get_state()}
     tensors |= {f"answer.{i}": image for i, image in edited.answers.items()}
     for i, view in edited.targets.items():
         if view.image is not edited.answers.get(i):  # no file holds the same memory twice
@@ -41,19 +38,33 @@ def session_state(session: Session) -> State:
         tensors["region"] = edited.region.inside
     return State(
         {
-            "edit_format": FORMAT,
-            "view_plan": asdict(session.surveyed.plan),
-            "noise_seed": progress.noise_seed,
-            "work": asdict(progress.work),
-            "seconds": progress.stopwatch.seconds,
-            "stages": dict(progress.stopwatch.stages),
+            "work": asdict(session.progress.work),
             "answers": list(edited.answers),
             "targets": list(edited.targets),
-            "pairs": edited.pairs,
+            "pairs": list(edited.pairs),
             "region": None if edited.region is None else edited.region.note,
             "voted": edited.voted,
         },
         tensors,
+    )
+
+
+def session_state(session: Session, views: State | None = None) -> State:
+    """Everything that changes during an edit, with the `views` as they are, or were before."""
+    progress, views = session.progress, views or views_state(session)
+    tensors = {f"optimizer.{name}": each for name, each in progress.optimizer.state().items()}
+    if isinstance(progress.crops, ListedCrops):
+        tensors |= {f"met.{name}": each for name, each in progress.crops.state().items()}
+    return State(
+        {
+            "edit_format": FORMAT,
+            "view_plan": asdict(session.plan),
+            "noise_seed": progress.noise_seed,
+            "seconds": progress.stopwatch.seconds,
+            "stages": dict(progress.stopwatch.stages),
+            **views.record,
+        },
+        tensors | dict(views.tensors),
     )
 
 
@@ -127,26 +138,3 @@ def _picture(
         raise ValueError(f"there is no view {i}")
     camera = views[i].camera
     return tensor_like(tensors, f"{name}.{i}", torch.empty(camera.height, camera.width, 3))
-
-
-class SessionSnapshot:
-    """The parts of a session that asking the 2D editor changes; pictures are not copied."""
-
-    def __init__(self, session: Session) -> None:
-        edited = session.progress.edited
-        self.generator = session.request.generator.get_state()
-        self.work = astuple(session.progress.work)
-        self.edited = replace(
-            edited,
-            targets=dict(edited.targets),
-            answers=dict(edited.answers),
-            pairs=list(edited.pairs),
-        )
-
-    def restore(self, session: Session) -> None:
-        """Undo changes to the edited views, the generator and the counts."""
-        session.request.generator.set_state(self.generator)
-        for name, value in zip(Work.__dataclass_fields__, self.work):
-            setattr(session.progress.work, name, value)
-        for name in EditedViews.__dataclass_fields__:
-            setattr(session.progress.edited, name, getattr(self.edited, name))

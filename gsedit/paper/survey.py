@@ -5,8 +5,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Generator
+from dataclasses import replace
 from math import isqrt, pi, sqrt
 
 import torch
@@ -20,34 +20,18 @@ from gsedit.paper.unedited import edit_camera
 from gsedit.paper.view_plan import ViewPlan, plan_views, random_plan, survey, wholeness
 from gsedit.runs.events import Event
 from gsedit.runs.stopwatch import Stopwatch
-from rasterizer.render import Rendering, render
-from rasterizer.scene import Gaussians
 
 INVISIBLE_COLOR = 1 / 510
 """Color difference in [0, 1] that no picture shows: half a step of an 8-bit picture."""
 
 
-@dataclass(frozen=True, eq=False)
-class SurveyedViews:
-    """The plan of views, and the unedited scene as the views see it."""
-
-    plan: ViewPlan
-    weights: Float[Tensor, "v n"]
-    """How much each view sees of each Gaussian, in pixels of a small picture."""
-    renderings: Mapping[int, Rendering]
-    """Renders of the planned views, and of the held-out ones unless the scene is large, by index,
-    with median depth."""
-    scene: Gaussians
-    """The scene with all bands of spherical harmonics; the request's has those that are fitted."""
-
-
 def survey_views(
     request: Request, stopwatch: Stopwatch, plan: ViewPlan | None = None
-) -> Generator[Event, None, tuple[Request, SurveyedViews]]:
-    """Plan which views to edit (unless there is a `plan`), and render them before the edit.
+) -> Generator[Event, None, tuple[Request, ViewPlan, Float[Tensor, "v n"]]]:
+    """Plan which views to edit, unless there is a `plan`.
 
-    Returns the request with the bands that are fitted, and what was surveyed. Raises UsageError
-    where no view sees the scene.
+    Returns the request with the bands that are fitted, the plan, and how much each view sees of
+    each Gaussian, in pixels of a small picture. Raises UsageError where no view sees the scene.
     """
     settings, views = request.settings, request.views
     yield Event("survey", stopwatch.seconds, note=f"{len(views)} views")
@@ -59,9 +43,8 @@ def survey_views(
         least = MOST_COEFFICIENTS if request.solves else 1
         fitted = scene.sh[:, : max(least, visible_coefficients(scene.sh))]
         request = replace(request, scene=replace(scene, sh=fitted))
-        renderings = _renderings(request, plan)
     yield Event("survey", stopwatch.seconds, len(views), len(views), note=_note(request, plan))
-    return request, SurveyedViews(plan, weights, renderings, scene)
+    return request, plan, weights
 
 
 def _plan(request: Request, weights: Float[Tensor, "v n"]) -> ViewPlan:
@@ -83,21 +66,6 @@ def _plan(request: Request, weights: Float[Tensor, "v n"]) -> ViewPlan:
         overlap=settings.overlap,
         whole=wholeness(request.scene.means, cameras, weights),
     )
-
-
-@torch.no_grad()
-def _renderings(request: Request, plan: ViewPlan) -> dict[int, Rendering]:
-    """The unedited scene at the planned and the held-out views; not the latter of a large scene."""
-    held_out = request.held_out_indices if request.coarse is None else ()
-    return {
-        i: render(
-            request.whole,
-            request.every_view[i].camera,
-            median_depth=True,
-            execution=request.settings.execution,
-        )
-        for i in (*plan.views, *held_out)
-    }
 
 
 def _note(request: Request, plan: ViewPlan) -> str:

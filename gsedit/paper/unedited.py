@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -23,18 +21,20 @@ class UneditedRenders:
     Indices are into `Request.every_view`.
     """
 
-    def __init__(self, request: Request, known: Mapping[int, Rendering]) -> None:
-        """`known` renders, by index, were made before, with median depth."""
+    def __init__(self, request: Request) -> None:
         self.request = request
-        self._renderings = dict(known)
-        self._small_renderings: dict[int, Rendering] = {}
+        self._renderings: dict[tuple[int, int], Rendering] = {}
         self._coverages: dict[int, tuple[Region, Float[Tensor, "h w"]]] = {}
 
     def rendering(self, i: int) -> Rendering:
         """The render of view i, with median depth."""
-        if i not in self._renderings:
-            self._renderings[i] = self._render(self.request.every_view[i].camera)
-        return self._renderings[i]
+        return self._rendering(i, self.request.every_view[i].camera)
+
+    def _rendering(self, i: int, camera: Camera) -> Rendering:
+        key = i, camera.width
+        if key not in self._renderings:
+            self._renderings[key] = self._render(camera)
+        return self._renderings[key]
 
     def picture(self, i: int) -> Float[Tensor, "h w 3"]:
         """The picture of view i, in [0, 1]."""
@@ -53,12 +53,7 @@ class UneditedRenders:
 
     def edit_rendering(self, i: int) -> Rendering:
         """The render of view i at the size at which it is edited, with median depth."""
-        camera = self.edit_camera(i)
-        if camera is self.request.every_view[i].camera:
-            return self.rendering(i)
-        if i not in self._small_renderings:
-            self._small_renderings[i] = self._render(camera)
-        return self._small_renderings[i]
+        return self._rendering(i, self.edit_camera(i))
 
     def edit_condition(self, i: int) -> Float[Tensor, "y x 3"]:
         """The picture of `condition` at the size at which it is edited; a photo is not enlarged."""
@@ -89,15 +84,6 @@ class UneditedRenders:
             share = coverage(region, request.scene, camera, request.settings.execution)
             known = self._coverages[i] = (region, share)
         return known[1]
-
-    def within(
-        self, region: Region, i: int, edited: Float[Tensor, "h w 3"]
-    ) -> Float[Tensor, "h w 3"]:
-        """The edited picture of view i where the region shows, the unedited one elsewhere."""
-        if region.is_all:
-            return edited
-        covered = self.coverage(region, i)[..., None].to(edited)
-        return torch.lerp(self.picture(i), edited, covered)
 
     def _render(self, camera: Camera) -> Rendering:
         return render_with_depth(self.request.whole, camera, self.request.settings.execution)

@@ -18,6 +18,7 @@ from torch import Tensor
 from gsedit.datasets.dataset import evenly_spaced
 from gsedit.errors import UsageError
 from gsedit.scene.table import table_of
+from gsedit.surface.depth import point_at as surface_at
 from gsedit.toolkit.align import Plane, find_ground
 from rasterizer.camera import Camera
 from rasterizer.render import render
@@ -164,14 +165,8 @@ def point_at(
     those of the `others` that see the point disagree with it.
     Raises UsageError for a pixel beside the picture, or on nothing.
     """
-    if not (0 <= x < camera.width and 0 <= y < camera.height):
-        size = f"{camera.width}x{camera.height}"
-        raise UsageError(f"{x:g},{y:g} is outside of the picture, which has {size} pixels")
-    depth = _depth(scene, camera, x, y)
-    if depth <= 0:
-        raise UsageError(f"nothing is seen at {x:g},{y:g}: choose a pixel on a surface")
-    pixel = torch.tensor([x, y], dtype=torch.float64)
-    position = camera.unproject(pixel, torch.tensor(depth, dtype=torch.float64)).double()
+    position = surface_at(scene, camera, x, y)
+    depth = float(camera.project(position[None])[1])
     apart = [each for each in others if _looks_alike(each, camera, position)]
     errors = [_disagreement(scene, each, position) for each in apart]
     errors = [each for each in errors if each is not None]

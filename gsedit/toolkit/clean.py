@@ -133,9 +133,7 @@ def most_seen(scene: Gaussians, cameras: Sequence[Camera]) -> Float[np.ndarray, 
 
     most = scene.means.new_zeros(len(scene))
     for camera in cameras:
-        scale = min(1.0, SIZE_PIXELS / max(camera.width, camera.height))
-        size = (max(1, round(side * scale)) for side in (camera.width, camera.height))
-        most = most.maximum(contributions(scene, camera.resized(*size)).to(most))
+        most = most.maximum(contributions(scene, camera.fitted(SIZE_PIXELS)).to(most))
     return most.numpy()
 
 

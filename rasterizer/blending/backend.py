@@ -36,8 +36,6 @@ class BlendInputs(NamedTuple):
     """Picture width, pixels; its height is below."""
     height: int
     numerics: Numerics
-    block: int | None
-    """`Execution.block`: a backend with a fixed one may ignore it."""
 
 
 class Blended(NamedTuple):

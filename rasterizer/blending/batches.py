@@ -55,7 +55,7 @@ class TileGrid:
         self.capped = len(table) > 0 and bool(table[:, 5].max() > numerics.log_alpha_max)
         """Whether some alpha may be held at its cap."""
         self.lengths: Int[Tensor, " t"] = bins.starts.diff()
-        self.block, self.elements = inputs.block, elements
+        self.elements = elements
         self._buffers: dict[int, Tensor] = {}
         self._sums: dict[int, Tensor] = {}
 
@@ -64,7 +64,7 @@ class TileGrid:
         order = torch.argsort(self.lengths, descending=True, stable=True)
         occupied = int((self.lengths > 0).sum())
         if occupied:
-            for tiles in order[:occupied].split(self._fitting(self.block or BLOCK)):
+            for tiles in order[:occupied].split(self._fitting(BLOCK)):
                 yield TileGroup(self, tiles)
 
     def _fitting(self, count: int) -> int:
@@ -73,7 +73,7 @@ class TileGrid:
 
     def depth(self, tiles: int) -> int:
         """Gaussians of each tile in a batch of so many tiles."""
-        return self.block or min(max(BLOCK, self._fitting(tiles)), MAX_BLOCK)
+        return min(max(BLOCK, self._fitting(tiles)), MAX_BLOCK)
 
     def buffer(self, number: int, *shape: int) -> Float[Tensor, "..."]:
         """Memory for a batch, the same each time: new memory costs more than what is done in it."""

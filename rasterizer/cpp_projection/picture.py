@@ -23,8 +23,7 @@ from rasterizer.blending.cpp_backend import BACKEND, pair_gradients
 from rasterizer.camera import Camera
 from rasterizer.cpp_projection import kernel
 from rasterizer.numerics import Execution, Numerics
-from rasterizer.preprocess import Splats
-from rasterizer.project import Box, Projected, covariance_of, depths, near_plane
+from rasterizer.project import Box, near_plane
 from rasterizer.scene import Gaussians
 from rasterizer.splat import composite
 
@@ -46,7 +45,6 @@ class Drawn(NamedTuple):
 class Prepared:
     """Gaussians that may touch a box of pixels, listed by tile; differentiable in the scene."""
 
-    scene: Gaussians
     listed: kernel.Listed
     pairs: Float[Tensor, "p g"]
     """Stand-in for every pair's row of the table, which takes gradients."""
@@ -72,23 +70,8 @@ class Prepared:
         """Blend a table of these Gaussians, whose pairs take the gradient."""
         request = self.listed.request
         _, _, width, height = request.box
-        block = request.execution.block
-        inputs = BlendInputs(table, self.listed.bins, width, height, request.numerics, block)
+        inputs = BlendInputs(table, self.listed.bins, width, height, request.numerics)
         return composite(inputs, BY_PAIR, pairs, median=median)
-
-    def splats(self, centers: Float[Tensor, "n 2"]) -> Splats:
-        """Their numbers one by one, at these positions."""
-        rows, camera = self.listed.rows.long(), self.listed.request.camera
-        _, whitening, log_opacities, _ = self.table.tensor_split((2, 5, 6), -1)
-        depth = depths(self.scene.means.index_select(0, rows), camera)
-        projected = Projected(
-            xy=centers.index_select(0, rows),
-            whitening=whitening,
-            depth=depth.to(centers),
-            sort_depth=depth.detach(),
-            covariance=covariance_of(whitening),
-        )
-        return Splats(rows, projected, log_opacities[:, 0])
 
 
 def draw(
@@ -132,7 +115,7 @@ def prepare(scene: Gaussians, request: kernel.Request) -> Prepared | None:
     pose = request.camera.world_to_camera.detach().clone()
     request = replace(request, camera=replace(request.camera, world_to_camera=pose))
     found = _Prepared.apply(request, *(getattr(scene, name) for name in kernel.FIELDS))
-    return None if found is None else Prepared(scene, *found)
+    return None if found is None else Prepared(*found)
 
 
 def _fits(scene: Gaussians, request: kernel.Request) -> bool:
@@ -151,7 +134,6 @@ def _fits(scene: Gaussians, request: kernel.Request) -> bool:
         and bands in (0, 1, 4, 9, 16, 25)
         and count < 1 << 31
         and not (torch.is_grad_enabled() and camera.world_to_camera.requires_grad)
-        and execution.cull == "ellipse"
         and numerics.alpha_min > 0
         and not (camera.model == "pinhole" and near_plane(camera, numerics) < 0)
         and kernel.load(execution.kernel) is not None

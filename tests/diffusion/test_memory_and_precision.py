@@ -90,7 +90,6 @@ class Painter:
     micro_batch: int = 1
     name: str = "painter"
     cell: int = 1
-    channels: int = 4
     multiple: int = 1
     padding: str = "edge"
     predicts: str = "eps"

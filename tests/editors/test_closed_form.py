@@ -96,7 +96,7 @@ def test_latent_is_an_isometry_with_an_exact_inverse():
     model = ClosedForm()
     a, b = torch.rand(2, 2, 24, 40, 3, generator=generator(), dtype=torch.float64)
     za, zb = model.encode(a), model.encode(b)
-    assert za.shape == (2, model.channels, 3, 5)
+    assert za.shape == (2, 3 * 64 + 2, 3, 5)
     assert not za[:, -CODE:].any()
     scale = model.distribution.radius / math.sqrt(3 * 24 * 40)
     torch.testing.assert_close((za - zb).norm(), 2 * scale * (a - b).norm())

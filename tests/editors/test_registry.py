@@ -13,7 +13,6 @@ from typer.testing import CliRunner
 
 from gsedit.editors import (
     Editor,
-    editor_names,
     list_editors,
     make_editor,
     registry,
@@ -145,7 +144,7 @@ def test_a_request_that_no_editor_can_meet(name, options, message):
 
 
 def test_a_third_party_s_editor_is_made_and_listed(packages):
-    assert "mirror" in editor_names()
+    assert "mirror" in registry.EDITORS.names()
     editor = make_editor("mirror", model="m", run=None, folder=Path("offered"))
     assert (editor.name, editor.model) == ("mirror", "m")
     (listing,) = (each for each in list_editors() if each.name == "mirror")

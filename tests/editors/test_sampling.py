@@ -28,7 +28,6 @@ class Unchanged:
 
     name: str = "unchanged"
     cell: int = CELL
-    channels: int = 3 * CELL * CELL
     multiple: int = 8
     padding: str = "mirror"
     predicts: str = "x0"

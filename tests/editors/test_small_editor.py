@@ -50,7 +50,7 @@ def pictures(views: int, height: int, width: int) -> torch.Tensor:
 def test_the_latents_are_the_pixels(small):
     images = pictures(2, 16, 24)
     latents = small.encode(images)
-    assert latents.shape == (2, small.channels, 16 // CELL_PIXELS, 24 // CELL_PIXELS)
+    assert latents.shape == (2, 48, 16 // CELL_PIXELS, 24 // CELL_PIXELS)
     torch.testing.assert_close(small.decode(latents), images)
     torch.testing.assert_close(latents.norm(), (2 * images - 1).norm())
 

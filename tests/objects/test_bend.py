@@ -8,9 +8,10 @@ import torch
 from plain_scenes import all_finite, same_bits
 
 from gsedit.errors import UsageError
-from gsedit.objects.bending.bend import Handle, bend, carried, point_at
+from gsedit.objects.bending.bend import Handle, bend, carried
 from gsedit.scene.quaternions import axis_rotation, rotate_sh, rotate_sh_each
 from gsedit.scene.similarity import Similarity
+from gsedit.surface.depth import point_at
 from gsedit.toolkit.transform import transform
 from rasterizer.camera import look_at
 from rasterizer.harmonics import basis

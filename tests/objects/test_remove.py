@@ -19,6 +19,7 @@ from gsedit.objects import remove
 from gsedit.objects.outcome import Outcome
 from gsedit.objects.removal.cells import rectangle_around
 from gsedit.objects.removal.remains import mirrored_under, resting_on
+from gsedit.select.region import Region, coverage
 from rasterizer.camera import Camera
 from rasterizer.render import render
 from rasterizer.scene import Gaussians, concatenate
@@ -59,8 +60,7 @@ def error_db(each: Case, scene: Gaussians) -> float:
     """Decibels to the truth where held-out views show the object."""
     errors = []
     for camera in each.held_out:
-        shown = render(each.scene, camera, marked=each.inside).marked
-        assert shown is not None
+        shown = coverage(Region(each.inside), each.scene, camera)
         hole = shown > 0.1
         truth, shown = render(each.truth, camera).color, render(scene, camera).color
         errors.append((truth - shown)[hole].square().flatten())

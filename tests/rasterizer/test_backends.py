@@ -62,7 +62,7 @@ def test_a_backend_may_accept_by_device_or_dtype(monkeypatch):
 
 
 def test_a_backend_of_ones_own_blends_both_ways(monkeypatch):
-    wanted, exact = gradients(Execution(block=8, kernel="torch"))
+    wanted, exact = gradients(Execution(tile_size=8, kernel="torch"))
     calls = []
 
     def forward(*args):
@@ -76,12 +76,12 @@ def test_a_backend_of_ones_own_blends_both_ways(monkeypatch):
     own = replace(
         torch_backend.BACKEND,
         name="own",
-        accepts=lambda execution, device, dtype: execution.block == 8,
+        accepts=lambda execution, device, dtype: execution.tile_size == 8,
         forward=forward,
         backward=backward,
     )
     monkeypatch.setattr(choose, "BACKENDS", (own, *choose.BACKENDS))
-    picture, found = gradients(Execution(block=8))
+    picture, found = gradients(Execution(tile_size=8))
     assert calls == ["forward", "backward"]
     assert torch.equal(picture, wanted)
     assert all(torch.equal(a, b) for a, b in zip(found, exact))

@@ -34,7 +34,7 @@ def test_a_single_pair_has_the_gradients_of_many(execution):
     """One Gaussian, one tile, one block: arrays of one number are views of themselves."""
     scene = gaussian((0.1, 0.05, 2.0))
     camera = Camera(torch.eye(4, dtype=torch.float64), 16.0, 16.0, 8.0, 8.0, 16, 16)
-    alone = gradients(scene, camera, replace(execution, tile_size=16, block=1))
+    alone = gradients(scene, camera, replace(execution, tile_size=16))
     for a, b in zip(alone, gradients(scene, camera, replace(execution, tile_size=4))):
         assert (a - b).abs().max() < 1e-13
 
@@ -109,7 +109,7 @@ def test_a_line_of_no_width_has_antialiased_gradients(execution):
         assert found.isfinite().all()
 
 
-@pytest.mark.parametrize("name", ["tile_size", "block"])
+@pytest.mark.parametrize("name", ["tile_size"])
 @pytest.mark.parametrize("value", [0, -4])
 def test_sizes_below_one_are_refused(name, value):
     with pytest.raises(ValueError, match=f"{name} is {value}"):
@@ -118,7 +118,7 @@ def test_sizes_below_one_are_refused(name, value):
 
 @pytest.mark.parametrize(
     ("name", "value", "choices"),
-    [("cull", "sphere", "ellipse or box"), ("kernel", "cuda", "auto, torch, compiled")],
+    [("kernel", "cuda", "auto, torch, compiled")],
 )
 def test_an_unknown_choice_is_refused(name, value, choices):
     execution = Execution()

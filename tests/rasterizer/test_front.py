@@ -177,19 +177,11 @@ def test_only_what_is_asked_for_has_a_gradient(wanted, by_front, by_python):
     assert relative(*found) < 1e-12
 
 
-def test_poses_and_marks_are_left_to_the_python_files(by_python):
+def test_poses_are_left_to_the_python_files():
     scene, camera = cloud()
     pose = camera.world_to_camera.clone().requires_grad_()
     color = render(scene, replace(camera, world_to_camera=pose), execution=COMPILED).color
     assert torch.autograd.grad(color.sum(), pose)[0].norm() > 0
-    marked = torch.arange(len(scene)) % 3 == 0
-    found, wanted = (
-        each(scene, camera, marked=marked, execution=COMPILED).marked
-        for each in (render, by_python)
-    )
-    assert found is not None
-    assert wanted is not None
-    assert torch.equal(found, wanted)
 
 
 def test_without_the_front_end_the_python_files_go_on(monkeypatch):

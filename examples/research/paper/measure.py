@@ -24,12 +24,12 @@ from gsedit.editors.sampling import DiffusionEditor
 from gsedit.fitting.settings import LossTerm, UpdateSettings
 from gsedit.measures.decibels import rmse_from_psnr
 from gsedit.paper.actions import Strategy
-from gsedit.paper.session import Session, render_edited
+from gsedit.paper.session import Session
 from gsedit.paper.settings import EditSettings, find_preset
 from gsedit.paper.strategies import find_strategy
 from research.paper.arms import PAPER, PAPER_T_END
 from research.paper.cases import load_case
-from research.paper.observe import EXACT, Observed, Observer, nearest_truth
+from research.paper.observe import EXACT, Observed, Observer, nearest_truth, rendered
 from research.paper.runs import Case, Record, Run, read_record, write_record
 from research.paper.varied import Varied
 
@@ -161,7 +161,7 @@ def _record(observer: Observer, session: Session, result: EditResult) -> Record:
         if row.pictures == "targets" and row.range == "short"
     ]
     truth = observer.truths[nearest_truth(observer.points)]
-    finals = torch.stack(list(render_edited(session, observer.views).values()))
+    finals = rendered(session, observer.views)
     targets, originals = (
         [view.image for view in views] for views in (result.targets, result.originals)
     )

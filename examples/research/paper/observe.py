@@ -17,9 +17,10 @@ from gsedit.measures.agreement import spread
 from gsedit.paper.actions import Action, Strategy
 from gsedit.paper.edit_views import MEASURE, sample_views
 from gsedit.paper.progress import Work
-from gsedit.paper.session import Session, render_edited
+from gsedit.paper.session import Session
 from gsedit.runs.events import returned
 from gsedit.runs.stopwatch import Stopwatch
+from gsedit.scene.picture import render_picture
 
 MEASURED_VIEWS = 4
 """Held-out cameras at which errors are measured."""
@@ -30,6 +31,15 @@ REFERENCE_SEED, REFERENCE_DRAWS = 12345, 4
 """First seed, and number, of the editor's pictures of held-out views, equal for all runs on a
 scene."""
 EXACT, OWN = "the exact edit", "the editor's own pictures of held-out views"
+
+
+def rendered(session: Session, views: Sequence[int]) -> Float[Tensor, "v h w 3"]:
+    """Pictures of the whole scene as it is now, in [0, 1]."""
+    request = session.request
+    scene = session.scene if request.coarse is None else session.whole_scene()
+    cameras = [request.every_view[i].camera for i in views]
+    execution = request.settings.execution
+    return torch.stack([render_picture(scene, camera, execution) for camera in cameras])
 
 
 @dataclass(frozen=True)
@@ -122,7 +132,7 @@ class Observer:
         self._sampled, self._left = editing, (time.monotonic(), time.process_time())
 
     def _measure(self, session: Session, editing: float) -> None:
-        finals = torch.stack(list(render_edited(session, self.views).values()))
+        finals = rendered(session, self.views)
         errors = (self.truths - finals).double().square().mean((1, 2, 3, 4)).sqrt()
         work = session.progress.work
         self.points.append(

@@ -48,7 +48,7 @@ class Sds(Descent):
         own = request.editor.capabilities.denoiser
         if own is None:
             raise UsageError(f"score distillation needs a diffusion model: {request.editor.name}")
-        denoiser, sampler = for_settings(own, request.settings.sampler)
+        denoiser, sampler = own, for_settings(own, request.settings.sampler)
         whole = padded(batch_of(session, (view,), start={view: image.detach()}), denoiser)
         z = denoiser.encode(pad_to_multiple(image[None], denoiser.multiple, denoiser.padding))
         share = LEAST_NOISE + (MOST_NOISE - LEAST_NOISE) * float(

@@ -28,6 +28,7 @@ from gsedit.scene.color_space import LUMINANCE
 from gsedit.scene.merging.groups import coarsen
 from gsedit.scene.picture import render_picture
 from gsedit.scene.table import gaussians_of, table_of
+from gsedit.select.region import Region, coverage
 from gsedit.toolkit.color_maps import as_table
 from gsedit.toolkit.palette import color_transport, sliced_distance
 from gsedit.toolkit.recolor import recolored
@@ -152,8 +153,10 @@ class Studio:
     @torch.no_grad()
     def coverage(self, scene: Gaussians, camera: Camera) -> Float[Tensor, "h w"]:
         """The share of each pixel that comes from what may change."""
-        drawn = render(scene, camera, marked=self.inside, execution=self.settings.execution)
-        return (drawn.alpha if drawn.marked is None else drawn.marked).clamp(0, 1)
+        execution = self.settings.execution
+        if self.inside is None or self.inside.all():
+            return render(scene, camera, execution=execution).alpha.clamp(0, 1)
+        return coverage(Region(self.inside), scene, camera, execution).clamp(0, 1)
 
     @torch.no_grad()
     def backdrop(self, scene: Gaussians, camera: Camera) -> Float[Tensor, "h w 3"]:

@@ -14,6 +14,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from gsedit.light.relight import step
+
 Image = Float[Tensor, "*v h w 3"]
 Grey = Float[Tensor, "*v h w 1"]
 Map = Float[Tensor, "*v h w c"]
@@ -26,12 +28,6 @@ LUMA = (0.299, 0.587, 0.114)  # Rec. 601: weights of gamma-coded R, G, B
 def luma(images: Image) -> Grey:
     """Brightness of gamma-coded colors (Rec. 601)."""
     return (images * images.new_tensor(LUMA)).sum(-1, keepdim=True)
-
-
-def smoothstep(x: Values, low: float, high: float) -> Values:
-    """0 below `low`, 1 above `high`, a cubic in between."""
-    x = ((x - low) / (high - low)).clamp(0, 1)
-    return x * x * (3 - 2 * x)
 
 
 def colors(codes: str) -> list[tuple[float, float, float]]:
@@ -54,7 +50,7 @@ def gradient_map(brightness: Grey, codes: str) -> Image:
 
 def s_curve(x: Values, amount: float) -> Values:
     """An S-curve about 0.45, where outdoor photos have their middle; 0 changes nothing."""
-    return x + amount * (smoothstep(x, 0.0, 0.9) - x)
+    return x + amount * (step(x, 0.0, 0.9) - x)
 
 
 def ramp(codes: str, *, keep: float = 0.1, contrast: float = 0.6, gamma: float = 1.5) -> ColorMap:
@@ -74,9 +70,9 @@ def snow(shade: str, bright: str, *, depth: float) -> ColorMap:
     def apply(images: Image) -> Image:
         grey = luma(images)
         chroma = images.amax(-1, keepdim=True) - images.amin(-1, keepdim=True)
-        cover = smoothstep(grey - 0.25 * chroma, 0.55 - depth, 0.85 - depth)
+        cover = step(grey - 0.25 * chroma, 0.55 - depth, 0.85 - depth)
         bare = gradient_map(s_curve(grey, 0.5), f"0a0f18 {shade} {bright}") + 0.25 * (images - grey)
-        fallen = images.new_tensor(colors(bright)[0]) * (0.5 + 0.5 * smoothstep(grey, 0.0, 1.0))
+        fallen = images.new_tensor(colors(bright)[0]) * (0.5 + 0.5 * step(grey, 0.0, 1.0))
         return bare + cover * (fallen - bare)
 
     return apply
@@ -88,7 +84,7 @@ def foliage(leaf: str, tint: str) -> ColorMap:
     def apply(images: Image) -> Image:
         red, green, blue = images.split(1, -1)
         grey = luma(images)
-        leafy = smoothstep(green - 0.5 * (red + blue), 0.0, 0.08)
+        leafy = step(green - 0.5 * (red + blue), 0.0, 0.08)
         turned = gradient_map(s_curve(grey * 1.25, 0.5), f"140603 {leaf}")
         warmed = grey + 1.15 * (images - grey)
         warmed = s_curve(warmed, 0.3) * images.new_tensor(colors(tint)[0])
@@ -129,7 +125,7 @@ def sketch(ink: str, paper: str) -> ColorMap:
     def apply(images: Image) -> Image:
         grey = luma(images)
         lines = (grey / (blur(grey, 2) + 0.02)).clamp(0, 1) ** 2.5
-        shading = 0.45 + 0.55 * smoothstep(grey, 0.05, 0.6)
+        shading = 0.45 + 0.55 * step(grey, 0.05, 0.6)
         return gradient_map(lines * shading, f"{ink} {paper}")
 
     return apply

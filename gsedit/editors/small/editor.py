@@ -30,7 +30,6 @@ from gsedit.editors.sampling import DiffusionEditor
 from gsedit.editors.small import REINSTALL, WEIGHTS
 from gsedit.editors.small.network import (
     CELL_PIXELS,
-    CHANNELS,
     Architecture,
     EncodedImage,
     PreparedImage,
@@ -110,7 +109,6 @@ class Small:
     predicts: Prediction = "v"
     name: str = "small"
     cell: int = CELL_PIXELS
-    channels: int = CHANNELS
     padding: PadMode = "mirror"
 
     @property

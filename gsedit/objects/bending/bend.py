@@ -15,7 +15,7 @@ from math import isfinite
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, Float64, Int64
+from jaxtyping import Bool, Float64, Int64
 from torch import Tensor
 
 from gsedit.errors import UsageError
@@ -23,9 +23,7 @@ from gsedit.objects.outcome import Outcome, check_finite, same
 from gsedit.scene.neighbors import k_nearest
 from gsedit.scene.quaternions import axis_rotation, rotate_sh_each, turn_between
 from gsedit.scene.quaternions import rotations as rotations_of_quaternions
-from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
-from rasterizer.render import render
 from rasterizer.scene import Gaussians
 
 NODES = 400
@@ -224,28 +222,6 @@ def _turns(
     np.add.at(total, first, products)
     np.add.at(total, second, products)
     return rotations_of(total)
-
-
-@torch.no_grad()
-def point_at(
-    scene: Gaussians, camera: Camera, x: float, y: float, execution: Execution = AUTO
-) -> Float[Tensor, "3"]:
-    """The point of the surface that a camera sees at a pixel, world units, float64.
-
-    The middle of the top left pixel is at 0.5, 0.5. Raises UsageError outside of the picture, or
-    where nothing opaque is seen.
-    """
-    if not (0 <= x < camera.width and 0 <= y < camera.height):
-        raise UsageError(
-            f"pixel {x:g},{y:g} is outside of the picture, {camera.width} x {camera.height} pixels"
-        )
-    box = (int(x), int(y), 1, 1)
-    depth = render(scene, camera, crop=box, median_depth=True, execution=execution).median_depth
-    assert depth is not None
-    if float(depth[0, 0]) <= 0:
-        raise UsageError(f"nothing is seen at pixel {x:g},{y:g}: choose one on an object")
-    place = torch.tensor((x, y), dtype=torch.float64)
-    return camera.unproject(place, depth[0, 0].double())
 
 
 Point = tuple[float | int, float | int, float | int]

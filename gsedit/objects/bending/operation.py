@@ -67,7 +67,8 @@ class Bend(Whole):
 
     def _handles(self, scene: Gaussians) -> list[Handle]:
         from gsedit.datasets.viewpoints import view_named
-        from gsedit.objects.bending.bend import Handle, point_at
+        from gsedit.objects.bending.bend import Handle
+        from gsedit.surface.depth import point_at
 
         views = _views(self.cameras)
         handles = []

@@ -31,6 +31,7 @@ from gsedit.objects.placing.daylight import Sun, sun_of
 from gsedit.objects.placing.stance import stance_of
 from gsedit.scene.quantiles import ends
 from gsedit.scenery.setting import Setting
+from gsedit.select.region import Region, coverage
 from gsedit.surface.relief import relief_of
 from gsedit.surface.shadows import WIDE
 from rasterizer.camera import Camera
@@ -57,14 +58,14 @@ def unveiled(
     shown, wanted, count = torch.zeros(3).double(), torch.zeros(3).double(), 0
     for i in evenly_spaced(len(cameras), VIEWS):
         camera = cameras[i].fitted(VIEW_PIXELS)
-        whole = render(grown, camera, marked=marks, execution=execution)
+        whole = render(grown, camera, execution=execution).color
+        share = coverage(Region(marks), grown, camera, execution)
         alone = render(new, camera, execution=execution)
-        assert whole.marked is not None
-        told = (whole.marked > SEEN) & (alone.alpha > SOLID)
+        told = (share > SEEN) & (alone.alpha > SOLID)
         color = (alone.color[told] / alone.alpha[told][:, None]).double()
-        part = whole.marked[told][:, None] * color
+        part = share[told][:, None] * color
         shown += part.sum(0)
-        wanted += (color - (whole.color[told] - part)).sum(0)
+        wanted += (color - (whole[told] - part)).sum(0)
         count += int(told.sum())
     if count < FEWEST:
         return new

@@ -22,7 +22,7 @@ from gsedit.objects.placing.daylight import Daylight, dimmed, shaded, sun_of
 from gsedit.objects.placing.landing import Ground, extent, free_point, ground_near
 from gsedit.objects.placing.place import added, motion_of, moved, notes_of
 from gsedit.objects.placing.placement import Placement, RelativePlace, Triple, check_target
-from gsedit.objects.placing.stance import Stance, size_of, stance_of
+from gsedit.objects.placing.stance import SOLID, Stance, size_of, stance_of
 from gsedit.scene.color_space import LUMINANCE
 from gsedit.scene.framing import bounds, framing_camera, guess_up
 from gsedit.scene.quantiles import weighted_quantile
@@ -40,8 +40,6 @@ from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
 
-SOLID = 0.1
-"""Opacity below which a Gaussian is haze, which connects nothing."""
 LAYERS = 48
 """Layers of heights among which a ground is looked for, and cells along the longest side of the
 grid in which parts are connected."""
@@ -207,8 +205,6 @@ def _from_above(here: Surroundings, up: Float[Tensor, "3"]) -> Float[Tensor, "3"
 
 SHARE = 0.3
 """Size of an inserted object, of the height of the pictures where the cameras look at."""
-ODD = (0.02, 20.0)
-"""Size of an object, of the pictures' height, beyond which an asked one is remarked on."""
 FIELD = 0.8
 """Height of such a picture, of the cameras' distance, where a scene has no pinhole cameras."""
 NEAR = 1.2
@@ -224,20 +220,19 @@ def insert(
     execution: Execution = AUTO,
     *,
     height: float | int | None = None,
-    scale: float | int | None = None,
     turn: float | int = 0.0,
     up: Float[Tensor, "3"] | None = None,
 ) -> Outcome:
     """The scene with the main object of another one, which stands on a surface and is lit as here.
 
     `at` is a world point, a place beside something, or None: a free place near what the cameras
-    look at. Its `height` is in world units; or `scale` is a factor of its own lengths; with neither
-    its size is fitted: to what it stands beside, or to the pictures. `turn` is in degrees about the
+    look at. Its `height` is in world units; without one its size is fitted: to what it stands
+    beside, or to the pictures. `turn` is in degrees about the
     upward direction, and `up` the other scene's; without it that is guessed, and the front of the
     object turned to the cameras. SH are brought to the scene's degree.
     Raises UsageError for values out of range, and for scenes without Gaussians.
     """
-    _check(scene, other, at, height, scale, turn)
+    _check(scene, other, at, height, turn)
     scene, other = scene.detach(), other.detach()
     seen_from = cameras_of(scene, cameras, execution=execution)
     around = place_of(scene, seen_from)
@@ -245,7 +240,7 @@ def insert(
     inside = main_object(other, theirs)
     surroundings = other[~inside]
     own = stance_of(other[inside], surroundings, theirs, execution)
-    factor, note = _factor(scene, other[inside], own, at, height, scale, around, seen_from)
+    factor, note = _factor(scene, other[inside], own, at, height, around, seen_from)
     body, stance = _upright(other[inside], own, factor, around, turned=up is None)
     target, ground = at, Ground(scene, around, seen_from, execution)
     if at is None:
@@ -270,7 +265,6 @@ def _check(
     other: Gaussians,
     at: Triple | RelativePlace | None,
     height: float | int | None,
-    scale: float | int | None,
     turn: float | int,
 ) -> None:
     if not len(scene) or not len(other):
@@ -280,13 +274,10 @@ def _check(
     check_target(at, len(scene))
     if isinstance(at, RelativePlace) and at.of is None:
         raise UsageError("beside what: give the Gaussians of what it is to be inserted beside")
-    if height is not None and scale is not None:
-        raise UsageError("a height and a scale contradict: give one of them")
     if not isfinite(turn):
         raise UsageError("a turn is a finite number of degrees: give one")
-    for name, value in (("height", height), ("scale", scale)):
-        if value is not None and not (isfinite(value) and value > 0):
-            raise UsageError(f"{name} {value:g}: give a number above 0, or none to have it fitted")
+    if height is not None and not (isfinite(height) and height > 0):
+        raise UsageError(f"height {height:g}: give a number above 0, or none to have it fitted")
 
 
 def _factor(
@@ -295,7 +286,6 @@ def _factor(
     stance: Stance,
     at: Triple | RelativePlace | None,
     height: float | int | None,
-    scale: float | int | None,
     place: Place,
     cameras: Sequence[Camera],
 ) -> tuple[float, str]:
@@ -303,8 +293,6 @@ def _factor(
     own = size_of(body)
     if height is not None:
         factor = height / stance.height
-    elif scale is not None:
-        factor = scale
     elif isinstance(at, RelativePlace) and at.of is not None and at.side != "on":
         like = scene[at.of]
         low, high = extent(like.means, place.up)
@@ -313,14 +301,7 @@ def _factor(
         factor = SHARE * _picture(place, cameras) / own
     high = factor * stance.height
     note = f"inserted {high:.3g} world units high, {factor:.3g} times its own size"
-    if height is None and scale is None:
-        return factor, f"{note}, which is fitted: a height or a scale says another"
-    share = factor * own / _picture(place, cameras)
-    if not ODD[0] < share < ODD[1]:
-        note += (
-            f": {share:.2g} of a picture's height, hardly what is meant; without it, it is fitted"
-        )
-    return factor, note
+    return factor, note if height is not None else f"{note}, which is fitted: a height says another"
 
 
 def _picture(place: Place, cameras: Sequence[Camera]) -> float:

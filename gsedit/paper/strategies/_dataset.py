@@ -16,18 +16,18 @@ from gsedit.diffusion.settings import SamplerSettings
 from gsedit.paper.actions import Action, RollbackAction, Solve, update_round
 from gsedit.paper.edit_views import edit_alone
 from gsedit.paper.session import Session
-from gsedit.paper.strategies._settings import DatasetViews
+from gsedit.paper.strategies._settings import DatasetUpdate
 from gsedit.runs.events import Event
 
 
-def dataset_views(session: Session, which: DatasetViews) -> tuple[int, ...]:
+def dataset_views(session: Session, own: DatasetUpdate) -> tuple[int, ...]:
     """Indices of the views of the dataset, in the order in which they are edited.
 
     All views are taken in a mixed order, which is the same in every edit: next to each other in a
     capture, they would show the same part of the scene.
     """
-    if which == "planned":
-        return session.surveyed.plan.views
+    if own.dataset_views == "planned":
+        return session.plan.views
     mixed = torch.randperm(len(session.request.views), generator=torch.Generator().manual_seed(0))
     return tuple(mixed.tolist())
 
@@ -75,14 +75,7 @@ def alone(sampler: SamplerSettings, strength: float) -> SamplerSettings:
 
 
 def in_turn(
-    session: Session,
-    views: tuple[int, ...],
-    noise: tuple[float, float],
-    steps: int,
-    steps_between: int,
-    *,
-    done: int,
-    total: int,
+    session: Session, own: DatasetUpdate, steps: int, *, done: int, total: int
 ) -> Iterator[Action]:
     """Edit a view, fit the dataset for `steps_between` steps, go on with the next view, over and
     over until `steps` are done; the learning rates fall over all of them. A few steps on crops cost
@@ -90,10 +83,11 @@ def in_turn(
 
     `done` of `total` steps of the edit came before.
     """
-    starts = range(0, steps, steps_between)
+    views, starts = dataset_views(session, own), range(0, steps, own.steps_between)
     for number, start in enumerate(starts):
-        yield EditAlone(views[number % len(views)], number + 1, len(starts), *noise)
-        span = range(start, min(start + steps_between, steps))
+        view = views[number % len(views)]
+        yield EditAlone(view, number + 1, len(starts), own.least_noise, own.most_noise)
+        span = range(start, min(start + own.steps_between, steps))
         yield from update_round(steps, done=done, total=total, span=span)
     if session.request.solves:
         yield Solve(done + steps, total)

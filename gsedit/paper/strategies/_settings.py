@@ -3,27 +3,37 @@ the options of `gsedit edit` at every Tab."""
 
 from __future__ import annotations
 
-from typing import Literal
+from dataclasses import dataclass
+from typing import Any, Literal
 
 from gsedit.errors import UsageError
 
-LEAST_NOISE, MOST_NOISE = 0.02, 0.98
-"""Instruct-NeRF2NeRF's bounds of the noise level, as fractions of the schedule."""
 
-DatasetViews = Literal["all", "planned"]
+@dataclass(frozen=True, kw_only=True)
+class DatasetUpdate:
+    """Settings of the dataset update, in which views are edited one by one."""
+
+    steps_between: int = 10
+    """Fitting steps after each edited view (N_IU of the paper)."""
+    least_noise: float = 0.02
+    """Lowest noise level at which an edit starts, a fraction of the schedule; this and the next are
+    Instruct-NeRF2NeRF's."""
+    most_noise: float = 0.98
+    """Highest noise level at which an edit starts, a fraction of the schedule."""
+    dataset_views: Literal["all", "planned"] = "all"
+    """Views that are edited in turn: all but the held-out ones, or those of the plan."""
+
+    def __post_init__(self) -> None:
+        check_steps(self)
+        if not 0 < self.least_noise <= self.most_noise <= 1:
+            raise UsageError(
+                f"noise is drawn from {self.least_noise:g} to {self.most_noise:g}: give fractions "
+                "of the schedule above 0 and at most 1, the least one first"
+            )
 
 
-def check_noise(least: float, most: float) -> None:
-    """Raise UsageError unless 0 < least <= most <= 1."""
-    if not 0 < least <= most <= 1:
-        raise UsageError(
-            f"noise is drawn from {least:g} to {most:g}: give fractions of the schedule above 0 "
-            "and at most 1, the least one first"
-        )
-
-
-def check_positive(**counts: int) -> None:
-    """Raise UsageError, with the name, for a count below 1."""
-    for name, count in counts.items():
-        if count < 1:
+def check_steps(strategy: Any) -> None:
+    """Raise UsageError, with the name, for a number of steps below 1."""
+    for name, count in vars(strategy).items():
+        if "steps" in name and count < 1:
             raise UsageError(f"{name.replace('_', ' ')} must be 1 or more, not {count}")

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from gsedit.errors import UsageError
+from gsedit.paper.strategies._settings import check_steps
 
 if TYPE_CHECKING:
     from gsedit.paper.actions import Action
@@ -31,12 +31,11 @@ class SinglePass:
     has 200)."""
 
     def __post_init__(self) -> None:
-        if self.update_steps < 1:
-            raise UsageError(f"update steps must be 1 or more, not {self.update_steps}")
+        check_steps(self)
 
     def schedule(self, session: Session) -> Iterator[Action]:
         """Batch by batch of the plan."""
-        total = len(session.surveyed.plan.batches) * self.update_steps
+        total = len(session.plan.batches) * self.update_steps
         yield from single_pass(session, self.update_steps, total)
 
 
@@ -48,7 +47,7 @@ def single_pass(session: Session, update_steps: int, total: int) -> Iterator[Act
     """
     from gsedit.paper.actions import EditViews, fit_round
 
-    batches = session.surveyed.plan.batches
+    batches = session.plan.batches
     at_end = session.request.solves and not starts_from_scene(session.request)
     for number, batch in enumerate(batches):
         yield EditViews(batch, number + 1, len(batches))

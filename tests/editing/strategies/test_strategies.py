@@ -32,7 +32,7 @@ class DatasetUpdate:
     steps_between: int = 3
 
     def schedule(self, session: Session) -> Iterator[Action]:
-        planned = session.surveyed.plan.views
+        planned = session.plan.views
         total = self.edits * self.steps_between
         for number in range(self.edits):
             yield EditAtChance(planned[number % len(planned)])

@@ -58,4 +58,4 @@ def test_a_saved_folder_is_edited_with(name, tmp_path):
     assert last.images.shape == pictures.shape
     assert last.images.isfinite().all()
     assert last.evaluations >= 2 * 2
-    assert not any(network.in_memory for network in model.text_networks)
+    assert not any(network._network for network in model.text_networks)

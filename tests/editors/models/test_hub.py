@@ -64,7 +64,7 @@ def test_a_download_is_agreed_to_and_only_what_is_used_is_fetched(repository, tm
         again = find(hub, cache)
         assert again.stdout == done.stdout, again.stderr  # whole: the hub is not asked
         assert not hub.fetched
-    assert load_model(Path(done.stdout.strip())).channels == 4
+    assert load_model(Path(done.stdout.strip())).vae.config.latent_channels == 4
 
 
 def test_half_precision_of_a_branch_is_fetched_where_there_is_no_other(repository, tmp_path):

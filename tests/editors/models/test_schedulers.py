@@ -54,7 +54,7 @@ def test_the_last_latents_equal_diffusers(pipeline, folder, tmp_path, changes):
     asked = SamplerSettings(
         steps=2, guidance_text=5.0, guidance_image=1.5, strength=1.0, consensus=False
     )
-    model, settings = for_settings(model, asked)
+    settings = for_settings(model, asked)
     condition = model.condition(pictures, PROMPT, torch.Generator())
     levels = levels_for(model, settings, CELLS)
     *_, last = sample(model, condition, start, settings, levels=levels)
@@ -70,7 +70,7 @@ def test_spacings_are_the_scheduler_s(folder, tmp_path):
         model = load_model(scheduled(folder, tmp_path / str(number), scheduler))
         scheduler.set_timesteps(7)
         asked = for_settings(model, SamplerSettings(steps=7, strength=1.0))
-        found.append(levels_for(*asked, CELLS))
+        found.append(levels_for(model, asked, CELLS))
     assert [level.t for level in found[0][:-1]] == trailing.timesteps.tolist()
     sigmas = torch.tensor([level.sigma for level in found[1]])
     torch.testing.assert_close(sigmas, karras.sigmas, rtol=1e-4, atol=1e-6)
