@@ -137,7 +137,7 @@ def load_file(path: Path, *, drop_invalid: bool) -> SceneFile:
 
 
 def load_features(name: str) -> FeatureExtractor:
-    """Load the features under the Gram loss. Raises UsageError, InputError."""
+    """Load the features under the Gram loss. Raises UsageError for another name."""
     if name == "filters":
         from gsedit.measures.features import FilterBank
 
@@ -146,7 +146,4 @@ def load_features(name: str) -> FeatureExtractor:
         from gsedit.measures.perceptual import vgg_features
 
         return vgg_features()
-    from gsedit.measures.features import with_equal_energy
-    from gsedit.measures.perceptual import Vgg16
-
-    return with_equal_energy(Vgg16(name))
+    raise UsageError(f"--features must be filters or vgg, not {name!r}")
