@@ -103,9 +103,8 @@ def is_photos(path: Path) -> bool:
     """Whether a path is a video, or a folder with photos in it or in a folder of it."""
     if path.is_file():
         return is_video(path)
-    posed = any((path / name).exists() for name in ("transforms.json", "sparse", "colmap"))
     nested = (each for depth in ("*", "*/*") for each in path.glob(depth))
-    return posed or any(each.suffix.lower() in PICTURES for each in nested)
+    return is_posed(path) or any(each.suffix.lower() in PICTURES for each in nested)
 
 
 def is_posed(path: Path) -> bool:

@@ -140,7 +140,7 @@ class Tab:
         """Called by what has had the pointer: clicks select again, if they did."""
         self._pointers: list[tuple[str, Callable[[Any], None]]] = []
         self._latest = LatestOnlyWorker(self.fail)
-        self._painter = Painter(self.camera, self.draw, self._send, self._count, self.fail).start()
+        self._painter = Painter(self.camera, self.draw, self._send, self._count, self.fail)
         self._notice: Any = None
 
     def start(self) -> None:

@@ -70,7 +70,6 @@ def test_a_painter_draws_the_newest_camera_and_rests_in_full(camera):
     painter = Painter(
         lambda: seen[-1], draw, lambda _, quality: sent.append(quality), lambda: 10, errors.append
     )
-    painter.start()
     painter.rate = replace(painter.rate, side=400.0)
     for shift in range(5):
         seen.append(replace(large, cx=large.cx + shift))
@@ -95,7 +94,7 @@ def test_a_painter_goes_on_after_an_error(camera):
     painter = Painter(
         lambda: camera, lambda _: next(pictures), lambda *_: sent.append(1), int, errors.append
     )
-    painter.start().look()
+    painter.look()
     while not errors:
         time.sleep(0.01)
     pictures = iter([np.zeros((64, 80, 3), np.uint8)])
