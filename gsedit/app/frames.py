@@ -17,15 +17,14 @@ import torch
 from jaxtyping import Bool, Float, UInt8
 from torch import Tensor
 
+from gsedit.pictures.maps import wipe
 from rasterizer.camera import Camera
 from rasterizer.numerics import DEFAULT, Numerics, color_to_sh
-from rasterizer.project import Box
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
 
 BACKGROUND = (0.11, 0.12, 0.14)
 """Behind the scene: dark, and not the black of a hole."""
-LINE = (255, 255, 255)
 LINE_PIXELS = 2
 """Width of the line between two scenes."""
 STRENGTH = 0.5
@@ -71,23 +70,19 @@ def picture(shown: DisplayState, camera: Camera) -> UInt8[np.ndarray, "h w 3"]:
     if shown.scene is None:
         return np.broadcast_to(_bytes(torch.tensor(BACKGROUND)), (height, width, 3)).copy()
     if shown.before is None:
-        return _bytes(_drawn(shown, shown.scene, camera, (0, 0, width, height)))
-    if shown.way == "beside":
-        half = shown.camera(camera)
-        box = (0, 0, half.width, half.height)
-        left, right = (_drawn(shown, each, half, box) for each in (shown.before, shown.scene))
-        gap = torch.ones(height, width - 2 * half.width, 3)
-        split, joined = half.width, _bytes(torch.cat((left, right, gap), 1))
-    else:
-        split = round(shown.wipe * width)
-        parts = []
-        for each, start, end in ((shown.before, 0, split), (shown.scene, split, width)):
-            if end > start:
-                parts.append(_drawn(shown, each, camera, (start, 0, end - start, height)))
-        joined = _bytes(torch.cat(parts, 1))
-    if 0 < split < width:
-        joined[:, max(split - LINE_PIXELS // 2, 0) : split + LINE_PIXELS // 2] = LINE
-    return joined
+        return _bytes(_drawn(shown, shown.scene, camera))
+    background = torch.tensor(BACKGROUND)
+    if shown.way == "wipe":
+        joined = wipe(
+            shown.before, shown.scene, camera, shown.wipe,
+            background=background, numerics=(shown.numerics, shown.numerics),
+        )  # fmt: skip
+        return _bytes(joined)
+    half = shown.camera(camera)
+    left, right = (_drawn(shown, each, half) for each in (shown.before, shown.scene))
+    joined = torch.cat((left, right, torch.ones(height, width - 2 * half.width, 3)), 1)
+    joined[:, max(half.width - LINE_PIXELS // 2, 0) : half.width + LINE_PIXELS // 2] = 1
+    return _bytes(joined)
 
 
 def tinted(
@@ -100,20 +95,9 @@ def tinted(
     return replace(scene, sh=sh)
 
 
-def depth_at(scene: Gaussians, camera: Camera, x: float, y: float, numerics: Numerics) -> float:
-    """Depth along the view of what is seen at a pixel, world units; 0 where nothing is."""
-    column = min(max(int(x), 0), camera.width - 1)
-    row = min(max(int(y), 0), camera.height - 1)
-    drawn = render(scene, camera, crop=(column, row, 1, 1), median_depth=True, numerics=numerics)
-    assert drawn.median_depth is not None  # it was asked for
-    return float(drawn.median_depth)
-
-
-def _drawn(
-    shown: DisplayState, scene: Gaussians, camera: Camera, box: Box
-) -> Float[Tensor, "h w 3"]:
+def _drawn(shown: DisplayState, scene: Gaussians, camera: Camera) -> Float[Tensor, "h w 3"]:
     background = torch.tensor(BACKGROUND).to(scene.means)
-    return render(scene, camera, background=background, crop=box, numerics=shown.numerics).color
+    return render(scene, camera, background=background, numerics=shown.numerics).color
 
 
 def _bytes(color: Tensor) -> np.ndarray:

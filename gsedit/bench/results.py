@@ -16,7 +16,7 @@ import torch
 
 from gsedit.runs.environment import installed_version
 from gsedit.runs.events import Event
-from gsedit.runs.journal import Journal
+from gsedit.runs.json_lines import Journal
 from gsedit.storage.atomic import atomic_path
 
 
