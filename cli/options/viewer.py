@@ -45,8 +45,7 @@ class PointOptions:
     sparse: bool = option(False, "Draw the sparse cloud of --data, in orange.")
     open3d: bool = option(
         False,
-        "Let Open3D draw: splats through software Vulkan, or points where there is none; "
-        "points in a window.",
+        "Let Open3D draw: splats through software Vulkan.",
     )
     min_opacity: float = option(0.1, "Hide Gaussians of lower opacity.", min=0, max=1)
 
@@ -63,9 +62,12 @@ class PointOptions:
         others = {
             "AFTER": after, "--color-by": self.color_by, "--selection": selection,
             "--ellipsoids": self.ellipsoids, "--cameras": self.cameras, "--sparse": self.sparse,
+            "--window": self.window,
         }  # fmt: skip
         if self.open3d and (given := [name for name, value in others.items() if value]):
-            raise UsageError(f"--open3d draws one scene in its colors: leave out {given[0]}")
+            raise UsageError(
+                f"--open3d draws a picture of one scene in its colors: leave out {given[0]}"
+            )
         if selection and self.color_by not in (None, "selection") and not self.ellipsoids:
             raise UsageError(
                 f"--color-by {self.color_by} does not show --selection: add --ellipsoids, or leave "

@@ -157,8 +157,8 @@ def show_points(
     scene, size = first.scene, (points.width, points.height)
     around = viewer.surroundings(scenes.scene, scene, wanted=points.cameras)
     camera = viewer.camera(scene, () if points.cameras else around.cameras, size)
-    if points.open3d:
-        draw_with_open3d(scene, out, camera, size, points.min_opacity, force)
+    if points.open3d and out is not None:
+        draw_with_open3d(scene, out, camera, size, force)
     else:
         preview(
             scene, out, after=second and second.scene,
@@ -173,19 +173,15 @@ def show_points(
 
 
 def draw_with_open3d(
-    scene: Gaussians,
-    out: Path | None,
-    camera: Camera | None,
-    size: tuple[int, int],
-    min_opacity: float,
-    force: bool,
+    scene: Gaussians, out: Path, camera: Camera | None, size: tuple[int, int], force: bool
 ) -> None:
-    """Open3D's picture or window; what to know of it is printed."""
-    from gsedit.pictures.viewer.open3d_drawing import preview_open3d
+    """Open3D's picture; what to know of it is printed."""
+    from gsedit.formats.pictures import save_picture
+    from gsedit.pictures.viewer.open3d_drawing import draw_splats
+    from gsedit.scene.framing import framing_camera
 
-    note = preview_open3d(
-        scene, out, camera=camera, size=size, min_opacity=min_opacity, overwrite=force
-    )
+    picture, note = draw_splats(scene, camera or framing_camera(scene, size=size))
+    save_picture(picture, out, overwrite=force)
     if note:
         print_message(note)
 

@@ -19,16 +19,12 @@ from torch import Tensor
 from gsedit.storage.atomic import atomic_path
 from rasterizer import (
     Camera,
-    Execution,
     Gaussians,
-    Numerics,
     harmonics,
     numerics,
     project,
     reference,
-    render,
 )
-from rasterizer.numerics import AUTO, DEFAULT
 from rasterizer.project import Box
 
 FIELDS = ("means", "quats", "log_scales", "logit_opacities", "sh")
@@ -57,13 +53,6 @@ class Errors:
     """Relative error of the worst input: |difference| / |reference|."""
     cosine: float | None = None
     """Cosine between the gradient of the worst input and the reference's."""
-
-
-def draw_color(
-    scene: Gaussians, camera: Camera, *, numerics: Numerics = DEFAULT, execution: Execution = AUTO
-) -> Float[Tensor, "h w 3"]:
-    """Render the colors alone. A `functools.partial` of it can be sent to a `Worker`."""
-    return render(scene, camera, numerics=numerics, execution=execution).color
 
 
 def differentiate(draw: Draw, scene: Gaussians, camera: Camera, *, pose: bool = False) -> Drawn:

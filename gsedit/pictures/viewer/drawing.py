@@ -292,12 +292,17 @@ def _add_surroundings(plotter: Any, scene: Gaussians, around: Surroundings) -> N
         plotter.add_points(cloud, color=SPARSE_COLOR, point_size=2.0)
     if not around.cameras:
         return
-    length = frustum_length(around.cameras, scene)
-    corners = np.concatenate([frustum(v.camera, length) for v in around.cameras])
-    lines = np.array(EDGES)[None] + 5 * np.arange(len(around.cameras))[:, None, None]
-    lines = lines.reshape(-1, 2)
-    mesh = pyvista.PolyData(corners, lines=np.hstack((np.full((len(lines), 1), 2), lines)).ravel())
+    cameras = [each.camera for each in around.cameras]
+    mesh = pyramids(cameras, frustum_length(around.cameras, scene))
     plotter.add_mesh(mesh, color=CAMERA_COLOR, line_width=1.5)
+
+
+def pyramids(cameras: Sequence[Camera], length: float) -> Any:
+    """Lines of pyvista: a pyramid a camera, each of len(EDGES) lines."""
+    corners = np.concatenate([frustum(camera, length) for camera in cameras])
+    lines = np.array(EDGES)[None] + 5 * np.arange(len(cameras))[:, None, None]
+    lines = np.insert(lines.reshape(-1, 2), 0, 2, axis=1)
+    return import_pyvista().PolyData(corners, lines=lines.ravel())
 
 
 def _add_bar(plotter: Any, mapper: Any, shown: Attribute, look: Look) -> None:
