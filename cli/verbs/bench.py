@@ -29,7 +29,6 @@ Points = Annotated[
         envvar="GSEDIT_GARDEN",
     ),
 ]
-Cache = Annotated[Path, flag("--cache", "Folder that keeps the reference's pictures.", "FOLDER")]
 Quick = Annotated[bool, flag("--quick", "A short run: fewer and smaller cases.")]
 Folder = Annotated[Path, flag("--output -o", "Folder for the results.", "PATH")]
 
@@ -67,7 +66,6 @@ def stability(
 
 def targets(
     points: Points = None,
-    cache: Cache = Path("out/bench/references"),
     quick: Quick = False,
     *,
     common: Common,
@@ -82,7 +80,7 @@ def targets(
 
     from gsedit.bench.renderer.speed import measure_targets, table
 
-    rows = collect(measure_targets(points, cache, quick=quick), common)
+    rows = collect(measure_targets(points, quick=quick), common)
     reached = sum(row.reached is True for row in rows)
     print_result({"targets": rows, "reached": reached}, table(rows), as_json=common.json)
 

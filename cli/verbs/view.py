@@ -151,7 +151,7 @@ def show_points(
     as_json: bool,
 ) -> None:
     """Write the picture of points, or open a window of them."""
-    from gsedit.pictures.viewer.preview import preview
+    from gsedit.pictures.viewer.drawing import preview
 
     first, second = scenes.read()
     scene, size = first.scene, (points.width, points.height)

@@ -184,12 +184,6 @@ def load(folder: Path) -> Document:
     return moved(document, int(record["position"]))
 
 
-def scene_file(document: Document, folder: Path) -> Path | None:
-    """The file of the scene that is shown; None before any."""
-    step = document.current
-    return None if step is None else folder / step.scene
-
-
 def _from_session(path: str, folder: Path) -> str:
     """A path as the session's file has it: from the session's folder where it lies beside that."""
     beside = Path(path).is_absolute() and Path(path).is_relative_to(folder.parent)

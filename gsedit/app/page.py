@@ -55,8 +55,8 @@ class Audience:
         tab.close()
 
     def listen(self, tab: Screen, what: str, function: Callable[[], None]) -> None:
-        """Call a function after each change of the "scene", the "selection", the "document" or
-        "busy", as long as the tab is open."""
+        """Call a function after each change of the "scene", the "selection", the "document", of
+        "busy" or "growing", as long as the tab is open."""
         self._functions.append((tab, what, function))
 
     def notify(self, what: str) -> None:
@@ -161,8 +161,6 @@ class Page(Audience):
             raise UsageError("the scene has changed meanwhile: select once more")
         self.selection = None if flags is None or not bool(flags.any()) else flags
         self.note = note if self.selection is not None else ""
-        for tab in list(self.tabs):
-            tab.refresh()
         self.notify("selection")
 
     def selection_file(self) -> Path | None:
@@ -196,8 +194,8 @@ class Page(Audience):
         document = documents.load(folder)
         for each in filter(None, (document.source, *(step.scene for step in document.steps))):
             self.places.check(folder / each)
-        if (file := documents.scene_file(document, folder)) is not None:
-            self.load(file)
+        if document.current is not None:
+            self.load(folder / document.current.scene)
         self._enter(folder)
         self.change(document)
 
@@ -219,8 +217,6 @@ class Page(Audience):
                 fits = self.has_scene and len(self.selection) == len(self.scene)
                 self.selection = self.selection if fits else None
         if not same:
-            for tab in list(self.tabs):
-                tab.new_scene()
             self.notify("scene")
         self.notify("document")
 
@@ -382,8 +378,7 @@ class Page(Audience):
     def _grow(self, found: Loaded | None) -> None:
         """Show the scene that the command in hand has made so far; None: no more."""
         self.growing = found
-        for tab in list(self.tabs):
-            tab.refresh()
+        self.notify("growing")
 
     def _failed(self, pending: Pending | None, error: Exception) -> None:
         if self._closed:

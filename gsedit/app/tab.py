@@ -132,7 +132,9 @@ class Tab:
         self._pointers: list[tuple[str, Callable[[Any], None]]] = []
         self._latest = LatestOnlyWorker(self.fail)
         self._painter = Painter(self.camera, self.draw, self._send, self._count, self.fail)
-        self._notice: Any = None
+        page.listen(self, "scene", self.new_scene)  # before what panels do then
+        for what in ("selection", "growing"):
+            page.listen(self, what, self.refresh)
 
     def start(self) -> None:
         """Show the page's scene, from where a person last looked at it, and begin to draw."""

@@ -24,7 +24,7 @@ def points(tmp_path):
 
 def test_every_case_is_measured_with_its_errors(points, tmp_path):
     training = speed.TrainingStep(3200, 256, 128)
-    items = list(speed.measure_targets(points, tmp_path / "cache", quick=True, training=training))
+    items = list(speed.measure_targets(points, quick=True, training=training))
     events = [item for item in items if isinstance(item, Event)]
     rows = [item for item in items if isinstance(item, speed.Speed)]
     assert events[-1].step == events[-1].steps == 4

@@ -6,26 +6,16 @@ to which every pixel contributes.
 
 from __future__ import annotations
 
-import hashlib
-import inspect
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.storage.atomic import atomic_path
-from rasterizer import (
-    Camera,
-    Gaussians,
-    harmonics,
-    numerics,
-    project,
-    reference,
-)
+from rasterizer import Camera, Gaussians
 from rasterizer.project import Box
+from rasterizer.reference import render_reference
 
 FIELDS = ("means", "quats", "log_scales", "logit_opacities", "sh")
 POSE = "pose"
@@ -117,36 +107,13 @@ def cosine(value: Float[Tensor, "..."], expected: Float[Tensor, "..."]) -> float
     return min(1.0, float((value.flatten() / lengths[0]) @ (expected.flatten() / lengths[1])))
 
 
-def reference_of(
-    scene: Gaussians, camera: Camera, cache: Path | None = None, crop: Box | None = None
-) -> Drawn:
-    """Picture and gradients of the float64 reference; slow, so kept in the folder `cache`.
-
-    A file's name is a hash of the scene, the camera and the reference's code, so it is never stale.
-    """
-    path = None if cache is None else cache / f"{_fingerprint(scene, camera, crop)}.pt"
-    if path is not None and path.is_file():
-        stored = torch.load(path, weights_only=True)
-        return Drawn(stored.pop("picture"), stored)
-    scene = scene.to(torch.float64)
+def reference_of(scene: Gaussians, camera: Camera, crop: Box | None = None) -> Drawn:
+    """Picture, or a crop of it, and gradients of the float64 reference, which is slow."""
     left, top, width, height = crop or (0, 0, camera.width, camera.height)
     here = slice(top, top + height), slice(left, left + width)
-    drawn = differentiate(
-        lambda s, c: reference.render_reference(s, c).color[here], scene, camera, pose=True
+    return differentiate(
+        lambda s, c: render_reference(s, c).color[here],
+        scene.to(torch.float64),
+        camera,
+        pose=True,
     )
-    if path is not None:
-        with atomic_path(path, overwrite=True) as temporary:
-            torch.save({"picture": drawn.picture, **drawn.gradients}, temporary)
-    return drawn
-
-
-def _fingerprint(scene: Gaussians, camera: Camera, crop: Box | None) -> str:
-    parts = hashlib.sha256()
-    for module in (reference, project, harmonics, numerics):
-        parts.update(inspect.getsource(module).encode())
-    for tensor in (*(getattr(scene, f) for f in FIELDS), camera.world_to_camera):
-        parts.update(str((tensor.dtype, tensor.shape)).encode())
-        parts.update(tensor.detach().contiguous().numpy().tobytes())
-    numbers = (camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height)
-    parts.update(repr((*numbers, crop)).encode())
-    return parts.hexdigest()[:16]

@@ -19,7 +19,6 @@ from torch import Tensor
 from gsedit.bench.renderer.accuracy import (
     FIELDS,
     Draw,
-    Errors,
     differentiate,
     errors,
     reference_of,
@@ -184,12 +183,6 @@ class Case:
         execution = Execution(kernel=kernel)
         return lambda s, c: render(s, c, crop=self.box, execution=execution).color
 
-    def errors(self, kernel: Kernel, cache: Path | None) -> Errors:
-        """Measure the errors of a kernel against the float64 reference."""
-        scene, camera = self.workload.scene, self.workload.camera
-        exact = reference_of(scene, camera, cache, self.box)
-        return errors(differentiate(self.drawing(kernel), scene, camera), exact)
-
 
 @dataclass(frozen=True)
 class Speed:
@@ -223,7 +216,6 @@ def kernels() -> tuple[Kernel, ...]:
 
 def measure_targets(
     points: Path | None,
-    cache: Path | None = None,
     *,
     quick: bool = False,
     training: TrainingStep = TRAINING,
@@ -238,7 +230,7 @@ def measure_targets(
     found = cases(points, QUICK_SHRINK if quick else 1, training)
     for step, case in enumerate(found):
         yield Event("targets", stopwatch.seconds, step, len(found), note=case.name)
-        yield from measure_case(case, QUICK_RUNS if quick else RUNS, cache)
+        yield from measure_case(case, QUICK_RUNS if quick else RUNS)
     yield Event("targets", stopwatch.seconds, len(found), len(found))
 
 
@@ -279,12 +271,15 @@ def photometric_loss(photo: Float[Tensor, "h w 3"]) -> Loss:
     return lambda picture: photometric(picture, photo, DSSIM_WEIGHT, compiled=True)
 
 
-def measure_case(case: Case, runs: int, cache: Path | None) -> Iterator[Speed]:
+def measure_case(case: Case, runs: int) -> Iterator[Speed]:
     """Both kernels against the reference implementation."""
     ours, _ = timed_together({kernel: case.own_job(kernel) for kernel in kernels()}, runs)
     theirs, _ = timed(case.reference_job(), runs, REFERENCE_SECONDS)
+    scene, camera = case.workload.scene, case.workload.camera
+    exact = reference_of(scene, camera, case.box)
     for kernel in kernels():
-        own, wrong = ours[kernel], case.errors(kernel, cache)
+        own = ours[kernel]
+        wrong = errors(differentiate(case.drawing(kernel), scene, camera), exact)
         goal = GOALS.get(case.name, {}).get(kernel)
         yield Speed(
             case.name, kernel, own.wall, theirs.wall / own.wall, theirs.cpu / own.cpu, goal,
