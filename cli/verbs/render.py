@@ -320,11 +320,14 @@ def write_files(
     animation: Animation, index: int, stem: Path, pictures: PictureOptions, force: bool
 ) -> list[Path]:
     """Write the files of one view into a folder; their paths."""
-    from gsedit.pictures.rendered_views import save_frame, write_view
+    from PIL import Image
+
+    from gsedit.formats.pictures import save_picture
+    from gsedit.pictures.rendered_views import write_view
 
     if animation.wiped is not None:
         path = stem.with_name(f"{stem.name}.png")
-        save_frame(animation.frame(index), path, overwrite=force)
+        save_picture(Image.fromarray(animation.frame(index)), path, overwrite=force)
         return [path]
     return write_view(
         animation.scene,
@@ -342,18 +345,13 @@ def write_files(
 
 def write_one(animation: Animation, out: Path, pictures: PictureOptions, force: bool) -> None:
     """Write the first view into one file."""
-    from gsedit.pictures.maps import render_maps
-    from gsedit.pictures.rendered_views import save_frame, write_still
+    from PIL import Image
+
+    from gsedit.formats.pictures import save_picture
+    from gsedit.pictures.rendered_views import write_still
 
     if animation.wiped is not None:
-        save_frame(animation.frame(0), out, overwrite=force)
+        save_picture(Image.fromarray(animation.frame(0)), out, overwrite=force)
         return
-    maps = render_maps(
-        animation.scene,
-        animation.cameras[0],
-        animation.show,
-        background=animation.background,
-        numerics=animation.numerics[0],
-        execution=animation.execution,
-    )
+    maps = animation.maps(0)
     write_still(maps, animation.show, out, transparent=pictures.transparent, overwrite=force)

@@ -90,9 +90,9 @@ def open_path(page: Page, path: Path) -> None:
     if (path / documents.NAME).is_file():
         return page.open_session(path)
     if (path / FITTED).is_file():
-        return page.open_scene(path / FITTED, title_of(path), path)
+        return page.begin(path, path / FITTED, title_of(path))
     if path.is_file() and path.name.lower().endswith(READABLE):
-        return page.open_scene(path, path.name)
+        return page.begin(path, path, path.name)
     if is_photos(path):
         return page.begin(path)
     kinds = ", ".join(READABLE)

@@ -176,17 +176,21 @@ class Page(Audience):
 
     # -- the session
 
-    def open_scene(self, file: Path, title: str, source: Path | None = None) -> None:
-        """Show a scene file, in the session that it has or in a new one beside `source`.
+    def begin(self, source: Path, scene: Path | None = None, title: str = "") -> None:
+        """Go on with the session of photos, an edit or a scene, or begin one beside it: with the
+        file of a `scene`, or None where photos have none yet.
 
         Raises InputError for a damaged file, UsageError where another page has the session.
         """
-        folder = documents.session_folder(source or file)
+        folder = documents.session_folder(source)
         if (folder / documents.NAME).is_file():
             return self.open_session(folder)
-        self.load(file)  # before the session of another scene is left
+        if scene is None:
+            self._enter(folder)
+            return self.change(Document(str(source)))
+        self.load(scene)  # before the session of another scene is left
         self._enter(folder)
-        self.change(documents.opened(source or file, file, title))
+        self.change(documents.opened(source, scene, title))
 
     def open_session(self, folder: Path) -> None:
         """Go on with a session where it was left. Raises InputError for a damaged one, UsageError
@@ -198,14 +202,6 @@ class Page(Audience):
             self.load(folder / document.current.scene)
         self._enter(folder)
         self.change(document)
-
-    def begin(self, source: Path) -> None:
-        """Begin, or go on with, the session of photos that have no scene yet."""
-        folder = documents.session_folder(source)
-        if (folder / documents.NAME).is_file():
-            return self.open_session(folder)
-        self._enter(folder)
-        self.change(Document(str(source)))
 
     def change(self, document: Document) -> None:
         """Take a new state of the document: save it, and show its scene where that is another."""

@@ -6,7 +6,6 @@ import json
 import os
 import signal
 import subprocess
-import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
@@ -164,11 +163,6 @@ class Worker:
                 return
             self._told = Stopwatch()
         self.tell()
-
-
-def program_of(module: str) -> tuple[str, ...]:
-    """The program that runs a module by this Python."""
-    return (sys.executable, "-m", module)
 
 
 def _conversation(

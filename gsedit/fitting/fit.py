@@ -64,6 +64,8 @@ SWEEP_SHARE = 0.25
 pixels take 3."""
 SMALLEST_COARSE = 32
 """Pixels on the longer side: a coarse picture has no fewer, whatever its factor."""
+GROWTH_SHARE = 0.6
+"""Share of the budget after which the number of Gaussians is left alone."""
 LOSS_DECAY = 0.95
 """Decay per step of the running mean of the loss that events report."""
 
@@ -297,18 +299,16 @@ class _Fit:
         """Densify every so many steps."""
         settings, budget, optimizer = self.settings, self.budget, self.optimizer
         due = budget.step % settings.densify_every == 0
-        if due and budget.progress < settings.densify_until:
-            grown = densify(
-                optimizer.scene.detach(), self.gradients.mean, settings, self._gaussians_due()
-            )
+        if due and budget.progress < GROWTH_SHARE:
+            scene, gradients = optimizer.scene.detach(), self.gradients.mean
+            grown = densify(scene, gradients, self._gaussians_due())
             optimizer.replace(*grown)
             self.gradients = ScreenGradients(len(grown.scene))
 
     def _gaussians_due(self) -> int:
         """How many there are to be by now: from the start's number evenly to the limit."""
-        settings = self.settings
-        grown = self.budget.progress / max(settings.densify_until, 1e-9)
-        return round(self.started_with + grown * (settings.max_gaussians - self.started_with))
+        most, grown = self.settings.max_gaussians, self.budget.progress / GROWTH_SHARE
+        return min(most, round(self.started_with + grown * (most - self.started_with)))
 
     def report(self) -> Iterator[Event]:
         """A measurement on the held-out views if one is due, otherwise the loss now and then."""
