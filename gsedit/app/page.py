@@ -27,7 +27,6 @@ from gsedit.app.steps import (
 )
 from gsedit.app.worker import Cancelled, Done, Work, Worker
 from gsedit.errors import GseditError, UsageError
-from rasterizer.camera import Camera
 from rasterizer.scene import Gaussians
 
 Screen: TypeAlias = Any
@@ -144,14 +143,6 @@ class Page(Audience):
     def load(self, file: Path) -> Loaded:
         """A scene of the history, read once and kept while there is room."""
         return self._scenes.load(file)
-
-    def distance(self, camera: Camera) -> float:
-        """Distance before a camera about which its view turns: that of the scene's middle."""
-        if self.visible is None:
-            return 1.0
-        bulk = self.visible.bulk
-        middle = camera.center.new_tensor(bulk.center)
-        return max(float((middle - camera.center) @ camera.forward), 0.1 * bulk.radius)
 
     # -- the selection
 

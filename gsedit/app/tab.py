@@ -156,8 +156,9 @@ class Tab:
         """Turn to a scene: its own upward direction, its first view or the remembered one."""
         eye, handle = self.page.document.eye, self.client.camera
         if eye is None or not self.page.has_scene:
-            camera = loaded.first_camera()
-            eye = eye_of(camera, self.page.distance(camera))
+            camera, bulk = loaded.first_camera(), loaded.bulk
+            ahead = (camera.center.new_tensor(bulk.center) - camera.center) @ camera.forward
+            eye = eye_of(camera, max(float(ahead), 0.1 * bulk.radius))  # turns about the middle
             wide = handle.image_height / max(handle.image_width, 1) * camera.width / camera.height
             fov = widened(eye.fov, max(wide, 1.0))  # a narrow window shows its width
             eye = replace(eye, up=point_of(loaded.up()))

@@ -36,13 +36,9 @@ class Errors:
     """Absolute errors of colors over all pixels and channels, and errors of gradients."""
 
     mean: float
-    tail: float
-    """99.9 % are at most this."""
     largest: float
     gradient: float | None = None
     """Relative error of the worst input: |difference| / |reference|."""
-    cosine: float | None = None
-    """Cosine between the gradient of the worst input and the reference's."""
 
 
 def differentiate(draw: Draw, scene: Gaussians, camera: Camera, *, pose: bool = False) -> Drawn:
@@ -71,40 +67,20 @@ def with_pose(drawn: Drawn, draw: Draw, scene: Gaussians, camera: Camera) -> Dra
     return replace(drawn, gradients={**drawn.gradients, POSE: second.gradients[POSE]})
 
 
-def picture_errors(
-    picture: Float[Tensor, "h w 3"], expected: Float[Tensor, "h w 3"]
-) -> tuple[float, float, float]:
-    """Mean, 99.9 % (nearest rank) and largest error of a color."""
-    error = (picture.double() - expected.double()).abs().flatten()
-    tail = error.kthvalue(max(1, round(0.999 * len(error)))).values
-    return float(error.mean()), float(tail), float(error.max())
-
-
 def errors(drawn: Drawn, expected: Drawn) -> Errors:
     """Errors of a picture, and of the gradients that `drawn` has."""
-    mean, tail, largest = picture_errors(drawn.picture, expected.picture)
-    pairs = [
-        (gradient.double(), expected.gradients[name].double())
+    error = (drawn.picture.double() - expected.picture.double()).abs()
+    gradients = (
+        relative(gradient.double(), expected.gradients[name].double())
         for name, gradient in drawn.gradients.items()
-    ]
-    if not pairs:
-        return Errors(mean, tail, largest)
-    worst = max(relative(a, b) for a, b in pairs)
-    return Errors(mean, tail, largest, worst, min(cosine(a, b) for a, b in pairs))
+    )
+    return Errors(float(error.mean()), float(error.max()), max(gradients, default=None))
 
 
 def relative(value: Float[Tensor, "..."], expected: Float[Tensor, "..."]) -> float:
     """|value - expected| / |expected| as vectors; where the expected one is zero, |value|."""
     scale = float(expected.norm())
     return float((value - expected).norm()) / (scale or 1.0)
-
-
-def cosine(value: Float[Tensor, "..."], expected: Float[Tensor, "..."]) -> float:
-    """Cosine of the angle between two gradients; 1 where both are zero, 0 where one is."""
-    lengths = float(value.norm()), float(expected.norm())
-    if 0.0 in lengths:
-        return float(lengths == (0.0, 0.0))
-    return min(1.0, float((value.flatten() / lengths[0]) @ (expected.flatten() / lengths[1])))
 
 
 def reference_of(scene: Gaussians, camera: Camera, crop: Box | None = None) -> Drawn:

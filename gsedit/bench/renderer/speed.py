@@ -6,10 +6,13 @@ machine slows all of them; a ratio holds on any maker's processor.
 
 from __future__ import annotations
 
+import statistics
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import inf
 from pathlib import Path
-from typing import NamedTuple, cast
+from typing import Any, NamedTuple, TypeVar, cast
 
 import numpy as np
 import torch
@@ -24,7 +27,6 @@ from gsedit.bench.renderer.accuracy import (
     reference_of,
 )
 from gsedit.bench.results import commit, machine, markdown_table
-from gsedit.bench.timing import timed, timed_together
 from gsedit.errors import InputError
 from gsedit.fitting.photometric import photometric
 from gsedit.runs.events import Event
@@ -285,6 +287,52 @@ def measure_case(case: Case, runs: int) -> Iterator[Speed]:
             case.name, kernel, own.wall, theirs.wall / own.wall, theirs.cpu / own.cpu, goal,
             wrong.mean, wrong.gradient,
         )  # fmt: skip
+
+
+Name = TypeVar("Name", str, int)
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Medians of some runs, seconds."""
+
+    wall: float
+    cpu: float
+    """Processor time of all threads together."""
+
+
+def timed(work: Callable[[], Any], runs: int, budget: float = inf) -> tuple[Timing, Any]:
+    """Medians of a piece of work, and the result of its last run; see `timed_together`."""
+    timings, results = timed_together({"": work}, runs, budget)
+    return timings[""], results[""]
+
+
+def timed_together(
+    works: Mapping[Name, Callable[[], Any]], runs: int, budget: float = inf
+) -> tuple[dict[Name, Timing], dict[Name, Any]]:
+    """Medians after a warm-up, and results of the last runs, of works that take turns.
+
+    No run begins once `budget` seconds are spent. Where the warm-up alone spends them, it is the
+    one run that counts: slow work is not run twice.
+    """
+    began = time.perf_counter()
+    samples: dict[Name, list[tuple[float, float]]] = {name: [] for name in works}
+    results: dict[Name, Any] = {}
+    for turn in range(runs + 1):
+        if turn and time.perf_counter() - began > budget:
+            break
+        for name, work in works.items():
+            results.pop(name, None)  # memory of the run before must not weigh on this one
+            wall, cpu = time.perf_counter(), time.process_time()
+            results[name] = work()
+            samples[name].append((time.perf_counter() - wall, time.process_time() - cpu))
+    return {name: _medians(taken) for name, taken in samples.items()}, results
+
+
+def _medians(samples: list[tuple[float, float]]) -> Timing:
+    counted = samples[1:] or samples
+    wall, cpu = (statistics.median(column) for column in zip(*counted))
+    return Timing(wall, cpu)
 
 
 def table(rows: Sequence[Speed]) -> str:
