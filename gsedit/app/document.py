@@ -176,8 +176,8 @@ def load(folder: Path) -> Document:
     )
     eye, pending = record.get("eye"), record.get("pending")
     if eye is not None:
-        points = (tuple(eye[name]) for name in ("position", "target", "up"))
-        eye = Eye(*points, eye["fov"])
+        position, target, up = (tuple(eye[name]) for name in ("position", "target", "up"))
+        eye = Eye(position, target, up, eye["fov"])
     if pending is not None:
         pending = Pending(pending["title"], tuple(pending["command"]))
     document = Document(_beside(record["source"], folder), steps, eye=eye, pending=pending)
