@@ -6,22 +6,17 @@ import os
 import platform
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from ctypes.util import find_library
 from dataclasses import dataclass
 from pathlib import Path
 
-from gsedit.errors import GseditError
-from gsedit.pictures.viewer.libraries import check_drawing, has_screen
 from gsedit.runs.environment import installed_version
 
 LITTLE_MEMORY = 4e9
 """Bytes. With less, an edit at the default size still runs; a fit or a large model may not."""
 IMPORT_TIMEOUT = 60
 """Seconds for importing a package in another process: the first read from a slow disk is slow."""
-VULKAN_DRIVERS = ("/etc/vulkan/icd.d", "/usr/share/vulkan/icd.d", "/usr/local/share/vulkan/icd.d")
-"""Folders in which the loader of Vulkan looks for drivers on Linux."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +80,6 @@ def check_machine() -> Iterator[Check]:
     """
     # two at a time: each fills a processor
     with ThreadPoolExecutor(2) as pool:
-        drawing = pool.submit(_drawing_failure)
         imports = {each: pool.submit(_load_failure, each) for each in reversed(LIBRARIES)}
         yield Check(
             "gsedit", installed_version("gsedit") or "not installed (run from its source folder)"
@@ -93,14 +87,10 @@ def check_machine() -> Iterator[Check]:
         yield Check("python", f"{platform.python_version()} on {platform.platform()}")
         yield from check_packages()
         yield check_threads()
-        yield check_waiting()
         yield check_memory()
         yield check_graphs()
         yield check_compiler()
         yield from check_libraries(imports)
-        yield check_opengl(drawing)
-        yield check_vulkan()
-        yield Check("screen", "yes" if has_screen() else "none: preview needs -o PICTURE.png")
 
 
 def check_packages() -> Iterator[Check]:
@@ -166,22 +156,6 @@ def check_threads() -> Check:
     return Check("threads", state, advice)
 
 
-def check_waiting() -> Check:
-    """How threads wait for each other: where they spin for long, other programs stall them."""
-    from rasterizer.waiting import SPINS, wait_briefly
-
-    policy = wait_briefly()
-    if not policy:
-        advice = f"set GOMP_SPINCOUNT={SPINS}, or import gsedit before torch"
-        return Check("waiting", "torch was loaded first: threads spin for milliseconds", advice)
-    if policy == f"GOMP_SPINCOUNT={SPINS}":
-        return Check("waiting", f"threads sleep after a short spin ({policy})")
-    advice = (
-        "beside other programs its threads stall: unset it" if "active" in policy.lower() else ""
-    )
-    return Check("waiting", f"as {policy} says", advice)
-
-
 def check_memory() -> Check:
     """Free memory of the system, or of the container if that is less."""
     from gsedit.diffusion.memory import free_bytes
@@ -237,36 +211,6 @@ def check_libraries(failures: dict[Library, Future[str]]) -> Iterator[Check]:
             yield Check(library.module, f"{version}, but {failure}", f"{needs}{again}{system}")
         else:
             yield Check(library.module, version)
-
-
-def check_opengl(failure: Future[str]) -> Check:
-    """Whether pyvista draws off screen, as `gsedit view -o a.png` does."""
-    if reason := failure.result():
-        return Check("OpenGL", "does not draw", f"only points of gsedit view need it: {reason}")
-    return Check("OpenGL", "draws")
-
-
-def check_vulkan(folders: Sequence[str] = VULKAN_DRIVERS) -> Check:
-    """Whether there are a loader and drivers of Vulkan, which Open3D's renderer draws with."""
-    if sys.platform != "linux":
-        return Check("Vulkan", "not looked for on this system")
-    drivers = sorted({file.stem for place in folders for file in Path(place).glob("*.json")})
-    if find_library("vulkan") and drivers:
-        return Check("Vulkan", f"loader, drivers: {', '.join(drivers)}")
-    advice = (
-        "only Open3D's renderer of splats needs it; on Debian: "
-        "apt-get install -y libvulkan1 mesa-vulkan-drivers"
-    )
-    return Check("Vulkan", "no drivers" if find_library("vulkan") else "no loader", advice)
-
-
-def _drawing_failure() -> str:
-    """Why pyvista does not draw; empty where it does."""
-    try:
-        check_drawing()
-    except GseditError as error:
-        return str(error)
-    return ""
 
 
 def _load_failure(library: Library) -> str:

@@ -27,7 +27,6 @@ MOVES = {
     f"editors out. For any sentence: {ANY}",
     "looks-alone": f" (gsedit list looks): leave it out, or do it alone with {ANY}",
     "looks-unclear": f": --editor small draws its own, {ANY} follows any sentence",
-    "every-pair": ", or compare every pair with --matching exhaustive",
     "focal": ": name it with --focal (a phone's main camera: 26), or use the camera's own files "
     "with EXIF",
     "memory": ": try a smaller --size, or close other programs",

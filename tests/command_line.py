@@ -13,7 +13,7 @@ import pytest
 from gsedit_cli import main as cli
 from typer.testing import CliRunner
 
-from gsedit import Checkpoint
+from gsedit import Checkpoint, Event
 
 FIT = ("--steps", 40, "--max-gaussians", 300, "--checkpoint-every", 0)
 """Options of a fit of a second."""
@@ -67,3 +67,8 @@ def ended_early(work: str, end: BaseException, checkpoints: int = 1) -> Iterator
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module, f"{work}_steps", steps)
         yield
+
+
+def read_events(path: Path) -> list[Event]:
+    """The events of a metrics.jsonl."""
+    return [Event(**json.loads(line)) for line in path.read_text().splitlines()]

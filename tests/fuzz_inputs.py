@@ -24,7 +24,6 @@ from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.editing.folder import history_of
 from gsedit.formats.flags import read_flags, write_flags
 from gsedit.measures.against import resolve_reference
-from gsedit.runs.journal import read_events
 from gsedit.runs.state import State, load_state, save_state
 from gsedit.scene.similarity import Similarity
 from gsedit.select.saved import read_named, save_named
@@ -145,7 +144,6 @@ def _read_edit(folder: Path) -> None:
     history_of(folder / "scene.ply")
     resolve_reference(folder)
     read_flags(folder / "region.npy", 3)
-    read_events(folder / "metrics.jsonl")
 
 
 def _session(folder: Path) -> None:

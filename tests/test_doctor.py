@@ -3,27 +3,23 @@
 from __future__ import annotations
 
 import json
-from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 import torch
 from command_line import gsedit
 
 from gsedit import doctor
-from gsedit.errors import GseditError
 from rasterizer import compiled
-from rasterizer.waiting import SPINS
 
 
 def test_the_doctor_on_the_machine(monkeypatch):
-    monkeypatch.setattr(doctor, "check_drawing", lambda: None)  # viewers have tests of their own
     monkeypatch.setattr(doctor, "_import_failure", lambda code: "ImportError: libusb-1.0.so.0")
     result = gsedit("doctor", "--json")
     assert result.exit_code == 0, result.stderr
     checks = {line["name"]: line for line in map(json.loads, result.stdout.splitlines())}
     assert {"gsedit", "python", "torch", "diffusers", "transformers", "threads", "memory",
             "compiled kernel", "open3d", "pyvista", "trimesh", "pycolmap", "av", "viser",
-            "OpenEXR", "packages", "OpenGL", "Vulkan", "screen"} <= set(checks)  # fmt: skip
+            "OpenEXR", "packages"} <= set(checks)  # fmt: skip
     assert checks["torch"]["state"].startswith(torch.__version__)
     assert f"{torch.get_num_threads()} of " in checks["threads"]["state"]
     assert checks["open3d"]["state"].endswith(", but ImportError: libusb-1.0.so.0")
@@ -99,42 +95,6 @@ def test_whether_steps_take_fewer_threads(monkeypatch, decided):
     monkeypatch.setattr("gsedit.runs.step_threads.is_decided", lambda: decided)
     monkeypatch.setattr("gsedit.runs.step_threads.waited_seconds", lambda: 0.0)
     assert ("steps take fewer" in doctor.check_threads().state) is not decided
-
-
-@pytest.mark.parametrize(
-    ("policy", "state", "advice"),
-    [
-        (f"GOMP_SPINCOUNT={SPINS}", "short spin", ""),
-        ("OMP_WAIT_POLICY=passive", "as OMP_WAIT_POLICY=passive", ""),
-        ("OMP_WAIT_POLICY=ACTIVE", "as OMP_WAIT_POLICY=ACTIVE", "unset it"),
-        ("", "torch was loaded first", "import gsedit before torch"),
-    ],
-)
-def test_how_threads_wait(monkeypatch, policy, state, advice):
-    monkeypatch.setattr("rasterizer.waiting.wait_briefly", lambda: policy)
-    check = doctor.check_waiting()
-    assert state in check.state
-    assert advice in check.advice
-    assert bool(advice) == bool(check.advice)
-
-
-def test_a_machine_without_opengl_and_vulkan(monkeypatch, tmp_path):
-    def fail():
-        raise GseditError("pyvista finds no OpenGL")
-
-    monkeypatch.setattr(doctor, "check_drawing", fail)
-    with ThreadPoolExecutor(1) as pool:
-        drawn = doctor.check_opengl(pool.submit(doctor._drawing_failure))
-    assert drawn.state == "does not draw"
-    assert "no OpenGL" in drawn.advice
-    monkeypatch.setattr("sys.platform", "linux")
-    folders = [str(tmp_path)]
-    monkeypatch.setattr(doctor, "find_library", lambda name: None)
-    assert doctor.check_vulkan(folders).state == "no loader"
-    assert "mesa-vulkan-drivers" in doctor.check_vulkan(folders).advice
-    (tmp_path / "lvp_icd.x86_64.json").write_text("{}")
-    monkeypatch.setattr(doctor, "find_library", lambda name: "libvulkan.so.1")
-    assert doctor.check_vulkan(folders) == doctor.Check("Vulkan", "loader, drivers: lvp_icd.x86_64")
 
 
 def test_an_import_failure_is_the_last_line_of_another_process():

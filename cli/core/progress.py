@@ -62,7 +62,7 @@ def result_of(items: Iterable[Any], handlers: Mapping[type, Callable[[Any], None
 
 
 def _print_as_json(event: Event) -> None:
-    from gsedit.runs.journal import as_record
+    from gsedit.runs.events import as_record
 
     print_json("event", as_record(event))
 

@@ -68,12 +68,12 @@ def run_page(path: Path | None, own: AppOptions) -> None:
     from gsedit.app.page import Page
     from gsedit.app.places import Places
     from gsedit.app.server import serve
-    from gsedit.app.worker import Worker, program_of
+    from gsedit.app.worker import Worker
 
     share_heaps()
     given = Path.cwd() if path is None else path.resolve().parent
     places = Places(tuple(each.resolve() for each in (given, *(own.allow or ()))))
-    page = Page(Worker(program_of("gsedit_cli.core.warm")), places)
+    page = Page(Worker((sys.executable, "-m", "gsedit_cli.core.warm")), places)
     try:
         if path is not None:
             open_path(page, path.resolve())

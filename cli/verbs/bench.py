@@ -40,8 +40,6 @@ class TargetOptions:
 
     points: Path | None = option(None, "FILE", envvar="GSEDIT_GARDEN")
     """Points of the garden scene: garden.npz, a test asset of gsplat."""
-    cache: Path = option(Path("out/bench/references"), "FOLDER")
-    """Folder that keeps the reference's pictures."""
     quick: bool = option(False)
     """A short run: fewer and smaller cases."""
 
@@ -78,7 +76,7 @@ def targets(*, own: TargetOptions) -> None:
 
     from gsedit.bench.renderer.speed import measure_targets, table
 
-    rows = collect(measure_targets(own.points, own.cache, quick=own.quick))
+    rows = collect(measure_targets(own.points, quick=own.quick))
     reached = sum(row.reached is True for row in rows)
     print_result({"targets": rows, "reached": reached}, table(rows))
 

@@ -24,7 +24,7 @@ def doctor(
 
     gsedit doctor models/instruct-pix2pix
 
-    Without MODEL: libraries, torch, threads, memory, OpenGL; the exit code is 0 whatever is
+    Without MODEL: libraries, torch, threads, memory; the exit code is 0 whatever is
     missing. With MODEL, the exit code is 3 if its weights are incomplete.
     """
     if model is None:
@@ -38,7 +38,7 @@ def check_machine() -> None:
     from gsedit.doctor import check_machine
 
     if not as_json.get():
-        print_message("checking libraries, torch, the compiler and OpenGL: a few seconds")
+        print_message("checking libraries, torch and the compiler: a few seconds")
     problems = 0
     for check in check_machine():
         problems += bool(check.advice)

@@ -352,10 +352,12 @@ def run_and_show(
     """
     from gsedit.measures.against import UNFINISHED
     from gsedit.pictures.figures import table
-    from gsedit.runs.events import Checkpoint, Event
-    from gsedit.runs.journal import event_journal
+    from gsedit.runs.events import Checkpoint, Event, as_record
+    from gsedit.runs.json_lines import Journal
 
-    journal = event_journal(out / UNFINISHED, earlier)
+    journal = Journal(out / UNFINISHED, as_record)
+    for event in earlier:
+        journal.write(event)
     with progress() as show:
 
         def write_and_show(event: Event) -> None:

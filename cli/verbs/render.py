@@ -453,14 +453,16 @@ def write_view(
     animation: Animation, index: int, name: str, own: RenderOptions, pictures: PictureOptions
 ) -> list[Path]:
     """Write the files of one view into a folder, or its one file; return their paths."""
+    from PIL import Image
+
+    from gsedit.formats.pictures import save_picture
     from gsedit.pictures import rendered_views as views
-    from gsedit.pictures.maps import render_maps
 
     one = own.kind == "still"
     stem, overwrite = own.out if one else own.out / name, own.force
     if animation.wiped is not None:
         path = stem if one else stem.with_name(f"{name}.png")
-        views.save_frame(animation.frame(index), path, overwrite=overwrite)
+        save_picture(Image.fromarray(animation.frame(index)), path, overwrite=overwrite)
         return [path]
     how = {
         "background": animation.background, "numerics": animation.numerics[0],
@@ -468,8 +470,9 @@ def write_view(
     }  # fmt: skip
     clear, camera = pictures.transparent, animation.cameras[index]
     if one:
-        maps = render_maps(animation.scene, camera, animation.show, **how)
-        views.write_still(maps, animation.show, stem, transparent=clear, overwrite=overwrite)
+        views.write_still(
+            animation.maps(index), animation.show, stem, transparent=clear, overwrite=overwrite
+        )
         return [stem]
     files = {"show": animation.show, "format": pictures.format, "transparent": clear}
     return views.write_view(animation.scene, camera, stem, **files, **how, overwrite=overwrite)

@@ -256,19 +256,15 @@ def show_page(scenes: Scenes, viewer: ViewerCamera) -> None:
 
 def show_points(scenes: Scenes, viewer: ViewerCamera, points: PointOptions) -> None:
     """Write the picture of points, or open a window of them."""
-    from gsedit.pictures.viewer.preview import preview
+    from gsedit.pictures.viewer.drawing import preview
 
     first, second = scenes.read()
     own, out = scenes.own, scenes.own.out
     scene, size = first.scene, (points.width, points.height)
     around = viewer.surroundings(scenes.scene, scene, wanted=points.cameras)
     camera = viewer.camera(scene, () if points.cameras else around.cameras, size)
-    if points.open3d:
-        from gsedit.pictures.viewer.open3d_drawing import preview_open3d
-
-        seen = {"camera": camera, "size": size, "min_opacity": points.min_opacity}
-        if note := preview_open3d(scene, out, **seen, overwrite=own.force):
-            print_message(note)
+    if points.open3d and out is not None:
+        draw_with_open3d(scene, out, camera, size, own.force)
     else:
         preview(
             scene, out, after=second and second.scene,
@@ -280,6 +276,20 @@ def show_points(scenes: Scenes, viewer: ViewerCamera, points: PointOptions) -> N
     if out is not None:
         print_message(f"{out} shows {points.counted(scene)}")
         print_result({"picture": str(out)}, str(out))
+
+
+def draw_with_open3d(
+    scene: Gaussians, out: Path, camera: Camera | None, size: tuple[int, int], force: bool
+) -> None:
+    """Open3D's picture; what to know of it is printed."""
+    from gsedit.formats.pictures import save_picture
+    from gsedit.pictures.viewer.open3d_drawing import draw_splats
+    from gsedit.scene.framing import framing_camera
+
+    picture, note = draw_splats(scene, camera or framing_camera(scene, size=size))
+    save_picture(picture, out, overwrite=force)
+    if note:
+        print_message(note)
 
 
 def edited_region(scene: Path, after: Path | None) -> Path | None:

@@ -7,13 +7,11 @@ is written anew at each change, whole or not at all, so a session survives being
 from __future__ import annotations
 
 import re
-import shutil
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass, replace
 from itertools import chain, count
 from pathlib import Path
-from typing import Any
 
 from gsedit.errors import UsageError
 from gsedit.runs.json_lines import write_record
@@ -45,17 +43,6 @@ def undone(document: Document, session: Path | None) -> Undone:
     ]
     files = [file for each in folders for file in each.rglob("*") if file.is_file()]
     return Undone(tuple(folders), sum(file.lstat().st_size for file in files))
-
-
-def without_undone(document: Document) -> Document:
-    """The document without the steps that are undone."""
-    return replace(document, steps=document.steps[: document.position + 1])
-
-
-def remove(found: Undone) -> None:
-    """Remove the folders. Raises OSError where the disk does not let go of one."""
-    for each in found.folders:
-        shutil.rmtree(each)
 
 
 NAME = "session.json"
@@ -145,7 +132,9 @@ def session_folder(source: Path) -> Path:
     own = (source.stem if source.is_file() else name, name)
     names = chain(own, (f"{name}-{i}" for i in count(2)))
     folders = (source.with_name(f"{each}{SUFFIX}") for each in names)
-    return next(each for each in folders if _is_free(each) or load(each).source == str(source))
+    return next(
+        each for each in folders if not (each / NAME).is_file() or load(each).source == str(source)
+    )
 
 
 def step_folder(folder: Path, title: str) -> Path:
@@ -181,25 +170,18 @@ def save(document: Document, folder: Path) -> None:
 def load(folder: Path) -> Document:
     """Read the document of a session. Raises InputError for a damaged one."""
     record = read_json(folder / NAME, _DOCUMENT, advice="remove it to begin the session anew")
-    steps = tuple(_step(each, folder) for each in record["steps"])
-    eye, pending = record.get("eye"), record.get("pending")
-    document = Document(
-        _beside(record["source"], folder),
-        steps,
-        eye=eye and _eye(eye),
-        pending=pending and _pending(pending),
+    steps = tuple(
+        Step(each["title"], _beside(each["scene"], folder), tuple(each["command"]))
+        for each in record["steps"]
     )
+    eye, pending = record.get("eye"), record.get("pending")
+    if eye is not None:
+        position, target, up = (tuple(eye[name]) for name in ("position", "target", "up"))
+        eye = Eye(position, target, up, eye["fov"])
+    if pending is not None:
+        pending = Pending(pending["title"], tuple(pending["command"]))
+    document = Document(_beside(record["source"], folder), steps, eye=eye, pending=pending)
     return moved(document, int(record["position"]))
-
-
-def scene_file(document: Document, folder: Path) -> Path | None:
-    """The file of the scene that is shown; None before any."""
-    step = document.current
-    return None if step is None else folder / step.scene
-
-
-def _is_free(folder: Path) -> bool:
-    return not (folder / NAME).is_file()
 
 
 def _from_session(path: str, folder: Path) -> str:
@@ -211,19 +193,6 @@ def _from_session(path: str, folder: Path) -> str:
 def _beside(path: str, folder: Path) -> str:
     """A path of the session's file with its folder, where it lies beside that."""
     return str(folder.parent / path.removeprefix(_UP)) if path.startswith(_UP) else path
-
-
-def _step(record: dict[str, Any], folder: Path) -> Step:
-    return Step(record["title"], _beside(record["scene"], folder), tuple(record["command"]))
-
-
-def _eye(record: dict[str, Any]) -> Eye:
-    position, target, up = (tuple(record[name]) for name in ("position", "target", "up"))
-    return Eye(position, target, up, record["fov"])
-
-
-def _pending(record: dict[str, Any]) -> Pending:
-    return Pending(record["title"], tuple(record["command"]))
 
 
 _UP = "../"

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from threading import Condition, Thread
 from typing import Any, Literal
 
@@ -17,15 +17,14 @@ import torch
 from jaxtyping import Bool, Float, UInt8
 from torch import Tensor
 
+from gsedit.pictures.maps import wipe
 from rasterizer.camera import Camera
 from rasterizer.numerics import DEFAULT, Numerics, color_to_sh
-from rasterizer.project import Box
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
 
 BACKGROUND = (0.11, 0.12, 0.14)
 """Behind the scene: dark, and not the black of a hole."""
-LINE = (255, 255, 255)
 LINE_PIXELS = 2
 """Width of the line between two scenes."""
 STRENGTH = 0.5
@@ -71,23 +70,19 @@ def picture(shown: DisplayState, camera: Camera) -> UInt8[np.ndarray, "h w 3"]:
     if shown.scene is None:
         return np.broadcast_to(_bytes(torch.tensor(BACKGROUND)), (height, width, 3)).copy()
     if shown.before is None:
-        return _bytes(_drawn(shown, shown.scene, camera, (0, 0, width, height)))
-    if shown.way == "beside":
-        half = shown.camera(camera)
-        box = (0, 0, half.width, half.height)
-        left, right = (_drawn(shown, each, half, box) for each in (shown.before, shown.scene))
-        gap = torch.ones(height, width - 2 * half.width, 3)
-        split, joined = half.width, _bytes(torch.cat((left, right, gap), 1))
-    else:
-        split = round(shown.wipe * width)
-        parts = []
-        for each, start, end in ((shown.before, 0, split), (shown.scene, split, width)):
-            if end > start:
-                parts.append(_drawn(shown, each, camera, (start, 0, end - start, height)))
-        joined = _bytes(torch.cat(parts, 1))
-    if 0 < split < width:
-        joined[:, max(split - LINE_PIXELS // 2, 0) : split + LINE_PIXELS // 2] = LINE
-    return joined
+        return _bytes(_drawn(shown, shown.scene, camera))
+    background = torch.tensor(BACKGROUND)
+    if shown.way == "wipe":
+        joined = wipe(
+            shown.before, shown.scene, camera, shown.wipe,
+            background=background, numerics=(shown.numerics, shown.numerics),
+        )  # fmt: skip
+        return _bytes(joined)
+    half = shown.camera(camera)
+    left, right = (_drawn(shown, each, half) for each in (shown.before, shown.scene))
+    joined = torch.cat((left, right, torch.ones(height, width - 2 * half.width, 3)), 1)
+    joined[:, max(half.width - LINE_PIXELS // 2, 0) : half.width + LINE_PIXELS // 2] = 1
+    return _bytes(joined)
 
 
 def tinted(
@@ -100,27 +95,53 @@ def tinted(
     return replace(scene, sh=sh)
 
 
-def depth_at(scene: Gaussians, camera: Camera, x: float, y: float, numerics: Numerics) -> float:
-    """Depth along the view of what is seen at a pixel, world units; 0 where nothing is."""
-    column = min(max(int(x), 0), camera.width - 1)
-    row = min(max(int(y), 0), camera.height - 1)
-    drawn = render(scene, camera, crop=(column, row, 1, 1), median_depth=True, numerics=numerics)
-    assert drawn.median_depth is not None  # it was asked for
-    return float(drawn.median_depth)
-
-
-def _drawn(
-    shown: DisplayState, scene: Gaussians, camera: Camera, box: Box
-) -> Float[Tensor, "h w 3"]:
+def _drawn(shown: DisplayState, scene: Gaussians, camera: Camera) -> Float[Tensor, "h w 3"]:
     background = torch.tensor(BACKGROUND).to(scene.means)
-    return render(scene, camera, background=background, crop=box, numerics=shown.numerics).color
+    return render(scene, camera, background=background, numerics=shown.numerics).color
 
 
 def _bytes(color: Tensor) -> np.ndarray:
     return (color.clamp(0, 1) * 255 + 0.5).byte().numpy()
 
 
-class LatestOnlyWorker:
+class Loop:
+    """A thread that does what is due, one piece at a time, until it is ended."""
+
+    def __init__(self, name: str, fail: Callable[[Exception], None]) -> None:
+        """Start the thread; `fail` is given what a piece raises."""
+        self._fail = fail
+        self._ended = False
+        self._changed = Condition()
+        Thread(target=self._run, daemon=True, name=name).start()
+
+    def end(self) -> None:
+        """End the thread after the piece in hand."""
+        with self._changed:
+            self._ended = True
+            self._changed.notify()
+
+    def _due(self) -> Callable[[], None] | None:
+        """The next piece; None where nothing is due."""
+        raise NotImplementedError
+
+    def _patience(self) -> float | None:
+        """Seconds until something is due that nobody asks for; None: never."""
+        return None
+
+    def _run(self) -> None:
+        while True:
+            with self._changed:
+                while not self._ended and (piece := self._due()) is None:
+                    self._changed.wait(self._patience())
+                if self._ended:
+                    return
+            try:
+                piece()
+            except Exception as error:
+                self._fail(error)
+
+
+class LatestOnlyWorker(Loop):
     """A thread that does short pieces of work, one at a time.
 
     A newer request of a key replaces one that waits, and drops the result of one that runs.
@@ -128,21 +149,23 @@ class LatestOnlyWorker:
 
     def __init__(self, fail: Callable[[Exception], None]) -> None:
         """Start the thread; `fail` is given what work raises."""
-        self._fail = fail
-        self._waiting: dict[str, tuple[int, Callable[[], Any], Callable[[Any], None]]] = {}
-        self._newest: dict[str, int] = {}
-        self._number = 0
-        self._ended = False
-        self._changed = Condition()
-        Thread(target=self._run, daemon=True, name="latest only").start()
+        self._waiting: dict[str, Callable[[], None]] = {}
+        self._newest: dict[str, Callable[[], None]] = {}
+        super().__init__("latest only", fail)
 
     def ask(self, key: str, work: Callable[[], Any], then: Callable[[Any], None]) -> None:
         """Do `work`, then give what it returns to `then`, both in the thread."""
+
+        def piece() -> None:
+            value = work()
+            with self._changed:
+                wanted = self._newest.get(key) is piece and not self._ended
+            if wanted:
+                then(value)
+
         with self._changed:
-            self._number += 1
-            self._newest[key] = self._number
             self._waiting.pop(key, None)  # to the end of the line
-            self._waiting[key] = self._number, work, then
+            self._newest[key] = self._waiting[key] = piece
             self._changed.notify()
 
     def drop(self, key: str) -> None:
@@ -151,29 +174,8 @@ class LatestOnlyWorker:
             self._waiting.pop(key, None)
             self._newest.pop(key, None)
 
-    def end(self) -> None:
-        """End the thread after the work in hand."""
-        with self._changed:
-            self._ended = True
-            self._changed.notify()
-
-    def _run(self) -> None:
-        while True:
-            with self._changed:
-                while not self._waiting and not self._ended:
-                    self._changed.wait()
-                if self._ended:
-                    return
-                key = next(iter(self._waiting))
-                number, work, then = self._waiting.pop(key)
-            try:
-                value = work()
-                with self._changed:
-                    wanted = self._newest.get(key) == number and not self._ended
-                if wanted:
-                    then(value)
-            except Exception as error:
-                self._fail(error)
+    def _due(self) -> Callable[[], None] | None:
+        return self._waiting.pop(next(iter(self._waiting))) if self._waiting else None
 
 
 SMALL_SCENE, LARGE_SCENE = 300_000, 1_000_000
@@ -218,41 +220,34 @@ class Rate:
     """Time that the last one took to draw, to encode and to hand over."""
 
 
-@dataclass
-class Painter:
+class Painter(Loop):
     """A thread that draws what a tab sees, and sends it."""
 
-    camera: Callable[[], Camera]
-    """Returns where the tab looks from now, of the canvas's size. It is asked before each picture,
-    after the last word of a move: what a browser tells in pieces may be mixed before."""
-    draw: Callable[[Camera], np.ndarray]
-    """Returns the picture (h, w, 3), uint8, of a camera; called in the thread."""
-    send: Callable[[np.ndarray, int], None]
-    """Takes a picture and the quality to encode it with, and sends it."""
-    count: Callable[[], int]
-    """Returns the number of Gaussians that are shown."""
-    fail: Callable[[Exception], None]
-    """Takes what drawing raised; the next request is drawn again."""
-    rate: Rate = field(default_factory=Rate)
-    _moved: float = 0.0
-    """When the camera moved last; 0 before the first `look`, until which nothing is drawn."""
-    _drawn: tuple[int, bool] = (0, False)
-    """The newest request that was drawn, and whether in full."""
-    _newest: int = 0
-    _ended: bool = False
-    _changed: Condition = field(default_factory=Condition)
+    def __init__(
+        self, camera: Callable[[], Camera], draw: Callable[[Camera], np.ndarray],
+        send: Callable[[np.ndarray, int], None], count: Callable[[], int],
+        fail: Callable[[Exception], None],
+    ) -> None:  # fmt: skip
+        """Start the thread, which draws nothing before the first `look`.
 
-    def start(self) -> Painter:
-        """Begin to draw in a thread."""
-        Thread(target=self._run, daemon=True, name="painter").start()
-        return self
+        `camera` returns where the tab looks from now, of the canvas's size. It is asked before each
+        picture, after the last word of a move: what a browser tells in pieces may be mixed before.
+        `draw` returns the picture (h, w, 3), uint8, of a camera; `send` takes a picture and the
+        quality to encode it with; `count` returns the number of Gaussians that are shown. All are
+        called in the thread. `fail` takes what one raises: the next request is drawn again.
+        """
+        self.camera, self.draw, self.send, self.count = camera, draw, send, count
+        self.rate = Rate()
+        self._moved = 0.0
+        """When the camera moved last; 0 before the first `look`."""
+        self._newest, self._drawn = 0, (0, False)
+        """The newest request, and the newest that was drawn and whether in full."""
+        super().__init__("painter", fail)
 
     def look(self) -> None:
         """Draw from where the camera is now; where it was before may never be drawn."""
-        with self._changed:
-            self._moved = time.monotonic()
-            self._newest += 1
-            self._changed.notify()
+        self._moved = time.monotonic()
+        self.again()
 
     def again(self) -> None:
         """Draw what is shown once more: it has changed, and the camera has not."""
@@ -260,35 +255,20 @@ class Painter:
             self._newest += 1
             self._changed.notify()
 
-    def end(self) -> None:
-        """End the thread after the picture in hand."""
-        with self._changed:
-            self._ended = True
-            self._changed.notify()
+    def _due(self) -> Callable[[], None] | None:
+        rests, (number, full) = time.monotonic() - self._moved >= REST, self._drawn
+        if not self._moved or (number == self._newest and (full or not rests)):
+            return None
+        newest = self._newest
 
-    def _run(self) -> None:
-        while True:
-            with self._changed:
-                while not self._ended and not self._due():
-                    self._changed.wait(self._patience())
-                if self._ended:
-                    return
-                number, full = self._newest, time.monotonic() - self._moved >= REST
+        def piece() -> None:
             try:
-                self._paint(self.camera(), full)
-            except Exception as error:
-                self.fail(error)
-            with self._changed:
-                self._drawn = number, full
+                self._paint(self.camera(), rests)
+            finally:
+                with self._changed:
+                    self._drawn = newest, rests
 
-    def _due(self) -> bool:
-        """Whether a picture is to be drawn now."""
-        if not self._moved:
-            return False
-        number, full = self._drawn
-        if number < self._newest:
-            return True
-        return not full and time.monotonic() - self._moved >= REST
+        return piece
 
     def _patience(self) -> float | None:
         """Seconds until a camera that has not moved since rests; None where that is drawn."""

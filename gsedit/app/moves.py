@@ -24,7 +24,6 @@ ON_PAGE = {
     "looks-exact": _LOOK,
     "looks-alone": ": leave it out, or say another look, as “a pencil sketch”",
     "looks-unclear": _LOOK,
-    "every-pair": "",
     "focal": ": use the camera's own files with EXIF",
     "memory": ": close other programs",
     "memory-again": ": close other programs, and make the scene again: it goes on",

@@ -90,9 +90,9 @@ def open_path(page: Page, path: Path) -> None:
     if (path / documents.NAME).is_file():
         return page.open_session(path)
     if (path / FITTED).is_file():
-        return page.open_scene(path / FITTED, title_of(path), path)
+        return page.begin(path, path / FITTED, title_of(path))
     if path.is_file() and path.name.lower().endswith(READABLE):
-        return page.open_scene(path, path.name)
+        return page.begin(path, path, path.name)
     if is_photos(path):
         return page.begin(path)
     kinds = ", ".join(READABLE)
@@ -103,9 +103,8 @@ def is_photos(path: Path) -> bool:
     """Whether a path is a video, or a folder with photos in it or in a folder of it."""
     if path.is_file():
         return is_video(path)
-    posed = any((path / name).exists() for name in ("transforms.json", "sparse", "colmap"))
     nested = (each for depth in ("*", "*/*") for each in path.glob(depth))
-    return posed or any(each.suffix.lower() in PICTURES for each in nested)
+    return is_posed(path) or any(each.suffix.lower() in PICTURES for each in nested)
 
 
 def is_posed(path: Path) -> bool:

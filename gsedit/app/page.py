@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from threading import RLock, Thread
-from typing import Any, Protocol, runtime_checkable
+from threading import RLock
+from typing import Any, TypeAlias
 
 from torch import Tensor
 
 from gsedit.app import document as documents
 from gsedit.app.document import Document, Eye, Pending, Step, Undone
-from gsedit.app.loaded import Loaded, Scenes
+from gsedit.app.loaded import Loaded, Scenes, read_checkpoint
 from gsedit.app.places import Places, free
 from gsedit.app.steps import (
     CHECKPOINT,
@@ -23,37 +24,13 @@ from gsedit.app.steps import (
     region_file,
     resumed,
     step_of,
-    watch,
 )
-from gsedit.app.worker import Cancelled, Done, JobRunner, Work, Worker
+from gsedit.app.worker import Cancelled, Done, Work, Worker
 from gsedit.errors import GseditError, UsageError
-from rasterizer.camera import Camera
 from rasterizer.scene import Gaussians
 
-
-@runtime_checkable
-class Screen(Protocol):
-    """A tab, as far as its page knows it."""
-
-    def refresh(self) -> None:
-        """Show what the page has now."""
-        ...
-
-    def new_scene(self) -> None:
-        """Show the page's scene alone: it is another."""
-        ...
-
-    def tell(self, text: str) -> None:
-        """Tell that something has changed."""
-        ...
-
-    def fail(self, error: Exception | str) -> None:
-        """Say what went wrong."""
-        ...
-
-    def close(self) -> None:
-        """End what the tab has begun."""
-        ...
+Screen: TypeAlias = Any
+"""A `gsedit.app.tab.Tab`, of a module above this one."""
 
 
 class Audience:
@@ -77,8 +54,8 @@ class Audience:
         tab.close()
 
     def listen(self, tab: Screen, what: str, function: Callable[[], None]) -> None:
-        """Call a function after each change of the "scene", the "selection", the "document" or
-        "busy", as long as the tab is open."""
+        """Call a function after each change of the "scene", the "selection", the "document", of
+        "busy" or "growing", as long as the tab is open."""
         self._functions.append((tab, what, function))
 
     def notify(self, what: str) -> None:
@@ -120,7 +97,11 @@ class Page(Audience):
         """How the selection was found."""
         self.growing: Loaded | None = None
         """The scene that the command in hand has made so far, where it tells."""
-        self._jobs = JobRunner(worker, lambda: self.notify("busy"))
+        self.worker = worker
+        """Runs the command in hand."""
+        worker.tell = self._worked
+        self._checkpoint: tuple[Path | None, int] = (None, 0)
+        """File of the command in hand that grows, and when the shown state was written."""
         self._scenes = Scenes()
         self._lock = RLock()
         self._session = ExitStack()
@@ -163,14 +144,6 @@ class Page(Audience):
         """A scene of the history, read once and kept while there is room."""
         return self._scenes.load(file)
 
-    def distance(self, camera: Camera) -> float:
-        """Distance before a camera about which its view turns: that of the scene's middle."""
-        if self.visible is None:
-            return 1.0
-        bulk = self.visible.bulk
-        middle = camera.center.new_tensor(bulk.center)
-        return max(float((middle - camera.center) @ camera.forward), 0.1 * bulk.radius)
-
     # -- the selection
 
     def select(self, flags: Tensor | None, note: str = "") -> None:
@@ -179,8 +152,6 @@ class Page(Audience):
             raise UsageError("the scene has changed meanwhile: select once more")
         self.selection = None if flags is None or not bool(flags.any()) else flags
         self.note = note if self.selection is not None else ""
-        for tab in list(self.tabs):
-            tab.refresh()
         self.notify("selection")
 
     def selection_file(self) -> Path | None:
@@ -196,17 +167,21 @@ class Page(Audience):
 
     # -- the session
 
-    def open_scene(self, file: Path, title: str, source: Path | None = None) -> None:
-        """Show a scene file, in the session that it has or in a new one beside `source`.
+    def begin(self, source: Path, scene: Path | None = None, title: str = "") -> None:
+        """Go on with the session of photos, an edit or a scene, or begin one beside it: with the
+        file of a `scene`, or None where photos have none yet.
 
         Raises InputError for a damaged file, UsageError where another page has the session.
         """
-        folder = documents.session_folder(source or file)
+        folder = documents.session_folder(source)
         if (folder / documents.NAME).is_file():
             return self.open_session(folder)
-        self.load(file)  # before the session of another scene is left
+        if scene is None:
+            self._enter(folder)
+            return self.change(Document(str(source)))
+        self.load(scene)  # before the session of another scene is left
         self._enter(folder)
-        self.change(documents.opened(source or file, file, title))
+        self.change(documents.opened(source, scene, title))
 
     def open_session(self, folder: Path) -> None:
         """Go on with a session where it was left. Raises InputError for a damaged one, UsageError
@@ -214,18 +189,10 @@ class Page(Audience):
         document = documents.load(folder)
         for each in filter(None, (document.source, *(step.scene for step in document.steps))):
             self.places.check(folder / each)
-        if (file := documents.scene_file(document, folder)) is not None:
-            self.load(file)
+        if document.current is not None:
+            self.load(folder / document.current.scene)
         self._enter(folder)
         self.change(document)
-
-    def begin(self, source: Path) -> None:
-        """Begin, or go on with, the session of photos that have no scene yet."""
-        folder = documents.session_folder(source)
-        if (folder / documents.NAME).is_file():
-            return self.open_session(folder)
-        self._enter(folder)
-        self.change(Document(str(source)))
 
     def change(self, document: Document) -> None:
         """Take a new state of the document: save it, and show its scene where that is another."""
@@ -237,8 +204,6 @@ class Page(Audience):
                 fits = self.has_scene and len(self.selection) == len(self.scene)
                 self.selection = self.selection if fits else None
         if not same:
-            for tab in list(self.tabs):
-                tab.new_scene()
             self.notify("scene")
         self.notify("document")
 
@@ -266,7 +231,7 @@ class Page(Audience):
         self._move(1, "there is nothing to redo: this is the last step")
 
     def _move(self, steps: int, nowhere: str) -> None:
-        self._jobs.check_idle()
+        self.worker.check_idle()
         position = self.document.position + steps
         if not 0 <= position < len(self.document.steps):
             raise UsageError(nowhere)
@@ -274,7 +239,7 @@ class Page(Audience):
 
     def go_to(self, position: int) -> None:
         """Show the scene of a step of the history, the nearest that there is."""
-        self._jobs.check_idle()
+        self.worker.check_idle()
         found = documents.moved(self.document, position)
         if found.position >= 0:
             self.load(self.file_of(found.position))  # a damaged file changes nothing
@@ -286,14 +251,13 @@ class Page(Audience):
 
     def discard_undone(self) -> None:
         """Remove them for good. Raises UsageError where a command is in hand."""
-        self._jobs.check_idle()
+        self.worker.check_idle()
         found = self.undone()
-        self.change(
-            documents.without_undone(self.document)
-        )  # first: no step names a scene that is gone
+        done = self.document.steps[: self.document.position + 1]
+        self.change(replace(self.document, steps=done))  # first: no step names what is gone
         for each in found.folders:
             self._scenes.forget(each)
-        documents.remove(found)
+            shutil.rmtree(each)
         self.notify("document")
 
     def new_file(self, name: str) -> Path:
@@ -304,7 +268,7 @@ class Page(Audience):
 
     def _enter(self, folder: Path) -> None:
         """Leave the session, and take another's folder for this process alone."""
-        self._jobs.check_idle()
+        self.worker.check_idle()
         if folder == self.folder:
             return
         taken = ExitStack()
@@ -322,7 +286,7 @@ class Page(Audience):
     @property
     def busy(self) -> Work | None:
         """The command in hand; None where there is none."""
-        return self._jobs.busy
+        return self.worker.busy
 
     def step(
         self, verb: str, *arguments: str, title: str, after: Callable[[], None] | None = None
@@ -355,54 +319,53 @@ class Page(Audience):
         While it runs, the scene of its `checkpoint` is shown; where it is killed, the document has
         `pending` to go on with. Raises UsageError where a command is in hand.
         """
-        self._start(pending, command, title, self._ended(done or (lambda record: None)))
-        if checkpoint is not None:
-            self._watch(checkpoint)
+        self._start(pending, command, title, done or (lambda record: None), checkpoint)
 
     def cancel(self) -> None:
         """End the command in hand; what was done before is kept."""
-        self._jobs.cancel()
+        self.worker.cancel()
 
     def _begin(self, pending: Pending, after: Callable[[], None] | None) -> None:
-        done = self._ended(partial(self._stepped, pending, after))
-        self._start(pending, pending.command, pending.title, done)
-        self._watch(folder_of_step(pending) / CHECKPOINT)
+        done, checkpoint = (
+            partial(self._stepped, pending, after),
+            folder_of_step(pending) / CHECKPOINT,
+        )
+        self._start(pending, pending.command, pending.title, done, checkpoint)
 
     def _start(
-        self, pending: Pending | None, command: Sequence[str], title: str, done: Done
-    ) -> None:
+        self, pending: Pending | None, command: Sequence[str], title: str, done: Done,
+        checkpoint: Path | None,
+    ) -> None:  # fmt: skip
         """Begin a command, and note in the document what goes on where it is killed, until it
         fails. None: what waits there goes on to wait."""
-        with self._lock:
-            self._jobs.check_idle()
-            if pending not in (None, self.document.pending):
-                self.document = replace(self.document, pending=pending)
-                self.save()
-            self._jobs.begin(command, title, done, partial(self._failed, pending))
 
-    def _watch(self, checkpoint: Path) -> None:
-        """Show the scene of a checkpoint while the command in hand lasts."""
-        begun, unedited = self.busy, self.scene if self.has_scene else None
-
-        def lasts() -> bool:
-            now = self.busy
-            return begun is not None and now is not None and now.watch is begun.watch
-
-        arguments = (checkpoint, unedited, lasts, self._grow)
-        Thread(target=watch, args=arguments, daemon=True, name="watch").start()
-
-    def _grow(self, found: Loaded | None) -> None:
-        """Show the scene that the command in hand has made so far; None: no more."""
-        self.growing = found
-        for tab in list(self.tabs):
-            tab.refresh()
-
-    def _ended(self, done: Callable[[dict[str, Any]], None]) -> Callable[[dict[str, Any]], None]:
         def ended(record: dict[str, Any]) -> None:
             self.growing = None
             done(record)
 
-        return ended
+        with self._lock:
+            self.worker.check_idle()
+            if pending not in (None, self.document.pending):
+                self.document = replace(self.document, pending=pending)
+                self.save()
+            self._checkpoint = checkpoint, 0
+            self.worker.begin(command, title, ended, partial(self._failed, pending))
+
+    def _worked(self) -> None:
+        """Show the checkpoint of the command in hand where it is new, and tell how far that is."""
+        file, shown = self._checkpoint
+        with suppress(OSError, GseditError):  # there is none yet, or it is being replaced
+            if self.busy is not None and file is not None:
+                written = file.stat().st_mtime_ns
+                if written != shown:
+                    self._checkpoint = file, written
+                    self._grow(read_checkpoint(file, self.scene if self.has_scene else None))
+        self.notify("busy")
+
+    def _grow(self, found: Loaded | None) -> None:
+        """Show the scene that the command in hand has made so far; None: no more."""
+        self.growing = found
+        self.notify("growing")
 
     def _failed(self, pending: Pending | None, error: Exception) -> None:
         if self._closed:
@@ -432,11 +395,11 @@ class Page(Audience):
 
     def warm(self) -> None:
         """Prepare the process of the first command."""
-        self._jobs.worker.warm()
+        self.worker.warm()
 
     def close(self) -> None:
         """End the work and leave the session, which can be opened again where it is."""
         self._closed = True
-        self._jobs.worker.close()
+        self.worker.close()
         self.save()
         self._session.close()

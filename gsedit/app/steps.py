@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import shutil
-import time
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,13 +12,12 @@ import numpy as np
 from torch import Tensor
 
 from gsedit.app.document import Pending, step_folder
-from gsedit.app.loaded import Loaded, read_checkpoint
+from gsedit.app.loaded import Loaded
 from gsedit.datasets.cameras_json import NAME as CAMERAS
 from gsedit.datasets.cameras_json import cameras_file
-from gsedit.errors import GseditError, UsageError
+from gsedit.errors import UsageError
 from gsedit.select.region import Region, save_region
 from gsedit.select.saved import carry_named, folder_of, saved_names
-from rasterizer.scene import Gaussians
 
 FOLDER_VERBS = ("edit", "make", "style")
 """Verbs whose -o is a folder with a scene.ply in it; that of the others is the scene."""
@@ -35,8 +32,6 @@ NAME_DIGITS = 16
 """Hexadecimal digits of such a name."""
 CHECKPOINT = "checkpoint.safetensors"
 """Name of an edit's checkpoint in its folder."""
-BETWEEN_LOOKS = 2.0
-"""Seconds between two looks for a new checkpoint."""
 
 
 def step_of(verb: str, scene: Path, arguments: Sequence[str], title: str, session: Path) -> Pending:
@@ -93,22 +88,3 @@ def bring_along(before: Loaded, after: Loaded) -> None:
     if saved_names(before.file) and not carried:
         means, new_means = (each.scene.means.numpy() for each in (before, after))
         carry_named(before.file, means, after.file, new_means, None)
-
-
-def watch(
-    checkpoint: Path,
-    unedited: Gaussians | None,
-    lasts: Callable[[], bool],
-    show: Callable[[Loaded], None],
-) -> None:
-    """Show the scene of a checkpoint each time that it is written anew, while the work lasts."""
-    written = None
-    while lasts():
-        time.sleep(BETWEEN_LOOKS)
-        with suppress(OSError, GseditError):  # there is none yet, or it is being replaced
-            now = checkpoint.stat().st_mtime_ns
-            if now != written:
-                written = now
-                found = read_checkpoint(checkpoint, unedited)
-                if lasts():
-                    show(found)

@@ -20,7 +20,6 @@ from gsedit.app.frames import (
     LatestOnlyWorker,
     Painter,
     Way,
-    depth_at,
     picture,
     tinted,
 )
@@ -29,6 +28,7 @@ from gsedit.errors import GseditError
 from gsedit.select.region import TINT
 from rasterizer.camera import Camera
 from rasterizer.numerics import DEFAULT
+from rasterizer.project import rotation_matrices
 from rasterizer.scene import Gaussians
 
 if TYPE_CHECKING:
@@ -44,17 +44,9 @@ def camera_of(
 ) -> Camera:
     """The camera of a pose (camera to world, OpenCV axes), with a vertical field of view, radians,
     and a picture of `size` (width, height)."""
-    w, x, y, z = (float(each) for each in np.asarray(wxyz) / np.linalg.norm(wxyz))
-    rotation = np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
     width, height = (max(each, LEAST_PIXELS) for each in size)
     pose = torch.eye(4, dtype=torch.float64)
-    pose[:3, :3] = torch.from_numpy(rotation.T.copy())
+    pose[:3, :3] = rotation_matrices(torch.tensor([[float(each) for each in wxyz]]).double())[0].T
     pose[:3, 3] = -pose[:3, :3] @ torch.tensor([float(each) for each in position]).double()
     focal = height / 2 / tan(fov / 2)
     return Camera(pose, focal, focal, width / 2, height / 2, width, height, near=near)
@@ -120,7 +112,6 @@ class Box:
     y0: float
     x1: float
     y1: float
-    modifier: str | None = None
 
 
 class Tab:
@@ -140,8 +131,10 @@ class Tab:
         """Called by what has had the pointer: clicks select again, if they did."""
         self._pointers: list[tuple[str, Callable[[Any], None]]] = []
         self._latest = LatestOnlyWorker(self.fail)
-        self._painter = Painter(self.camera, self.draw, self._send, self._count, self.fail).start()
-        self._notice: Any = None
+        self._painter = Painter(self.camera, self.draw, self._send, self._count, self.fail)
+        page.listen(self, "scene", self.new_scene)  # before what panels do then
+        for what in ("selection", "growing"):
+            page.listen(self, what, self.refresh)
 
     def start(self) -> None:
         """Show the page's scene, from where a person last looked at it, and begin to draw."""
@@ -159,20 +152,13 @@ class Tab:
         near = None if seen is None else seen.bulk.near
         return camera_of(handle.wxyz, handle.position, handle.fov, size, near)
 
-    def aim(self, camera: Camera) -> None:
-        """Move the tab's view to a camera; it turns about the middle of the scene from there."""
-        eye, handle = eye_of(camera, self.page.distance(camera)), self.client.camera
-        with self.client.atomic():
-            handle.up_direction = eye.up
-            handle.position = eye.position
-            handle.look_at = eye.target
-
     def _face(self, loaded: Loaded) -> None:
         """Turn to a scene: its own upward direction, its first view or the remembered one."""
         eye, handle = self.page.document.eye, self.client.camera
         if eye is None or not self.page.has_scene:
-            camera = loaded.first_camera()
-            eye = eye_of(camera, self.page.distance(camera))
+            camera, bulk = loaded.first_camera(), loaded.bulk
+            ahead = (camera.center.new_tensor(bulk.center) - camera.center) @ camera.forward
+            eye = eye_of(camera, max(float(ahead), 0.1 * bulk.radius))  # turns about the middle
             wide = handle.image_height / max(handle.image_width, 1) * camera.width / camera.height
             fov = widened(eye.fov, max(wide, 1.0))  # a narrow window shows its width
             eye = replace(eye, up=point_of(loaded.up()))
@@ -287,15 +273,6 @@ class Tab:
             scene.on_rect_select(modifier="shift")(drawn)
             self._pointers.append(("box", drawn))
 
-    def point(self, pick: Pick) -> Tensor | None:
-        """The world point (3) that is seen at a pixel; None on the background."""
-        scene = self._preview if self._preview is not None else self.page.scene
-        depth = depth_at(scene, pick.camera, pick.x, pick.y, self._shown.numerics)
-        if depth <= 0:
-            return None
-        xy = torch.tensor([pick.x, pick.y], dtype=torch.float64)
-        return pick.camera.unproject(xy, torch.tensor(depth, dtype=torch.float64))
-
     def _pick(self, event: Any) -> Pick:
         canvas = self.camera()
         x, y = event.screen_pos
@@ -306,7 +283,7 @@ class Tab:
         camera = self.camera()
         (x0, y0), (x1, y1) = event.screen_min, event.screen_max
         w, h = camera.width, camera.height
-        return Box(camera, x0 * w, y0 * h, x1 * w, y1 * h, event.modifier)
+        return Box(camera, x0 * w, y0 * h, x1 * w, y1 * h)
 
     # -- work and notices
 

@@ -6,12 +6,10 @@ import json
 import os
 import signal
 import subprocess
-import sys
-import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
-from threading import Lock, RLock, Thread
+from threading import RLock, Thread
 from typing import Any
 
 from gsedit.errors import MOVES, GseditError, Said, UsageError
@@ -20,8 +18,6 @@ from gsedit.runs.stopwatch import Stopwatch
 
 BETWEEN_NOTICES = 0.2
 """Seconds between two notices of progress."""
-BETWEEN_TRIES = 0.02
-"""Seconds between two tries to cancel a command that is being started."""
 Done = Callable[[dict[str, Any]], None]
 Failed = Callable[[Exception], None]
 
@@ -50,67 +46,6 @@ class Work:
         return f"{self.title}: {stage}{count}, {self.watch.seconds:.0f} s".replace(": ,", ",")
 
 
-class JobRunner:
-    """Runs commands of the worker one at a time, in a thread."""
-
-    def __init__(self, worker: Worker, tell: Callable[[], None]) -> None:
-        """Take the worker; `tell` is called after each change of `busy`."""
-        self.worker = worker
-        self.busy: Work | None = None
-        self._tell = tell
-        self._told = Stopwatch()
-        self._lock = RLock()
-
-    def check_idle(self) -> None:
-        """Raise UsageError where a command is in hand."""
-        if self.busy is not None:
-            raise UsageError(f"“{self.busy.title}” is still being done: wait for it, or cancel it")
-
-    def begin(self, command: Sequence[str], title: str, done: Done, failed: Failed) -> None:
-        """Run a command. Then `done` is given the record of its result, or `failed` the error; both
-        in a thread, when the next command may begin. Raises UsageError as `check_idle`."""
-        with self._lock:
-            self.check_idle()
-            self.busy = work = Work(title, tuple(command), Stopwatch())
-        self._tell()
-        Thread(target=self._run, args=(work, done, failed), daemon=True, name="work").start()
-
-    def cancel(self) -> None:
-        """End the command in hand, if any, also one whose process is only being started."""
-        work = self.busy
-        while work is not None and (now := self.busy) is not None and now.watch is work.watch:
-            if self.worker.cancel():
-                return
-            time.sleep(BETWEEN_TRIES)
-
-    def _run(self, work: Work, done: Done, failed: Failed) -> None:
-        try:
-            try:
-                record = self.worker.run((*work.command, "--json"), self._on_event, self._on_line)
-            finally:
-                self.busy = None
-            done(record)
-        except Exception as error:
-            failed(error)
-        self._tell()
-
-    def _on_event(self, event: Event) -> None:
-        self._change(lambda work: replace(work, event=event))
-
-    def _on_line(self, line: str) -> None:
-        self._change(lambda work: replace(work, line=line))
-
-    def _change(self, change: Callable[[Work], Work]) -> None:
-        with self._lock:
-            if self.busy is None:
-                return
-            self.busy = change(self.busy)
-            if self._told.seconds < BETWEEN_NOTICES:
-                return
-            self._told = Stopwatch()
-        self._tell()
-
-
 PATIENCE = 5.0
 """Seconds that a cancelled command has for its checkpoint before it is killed."""
 _EVENT_FIELDS = frozenset(each.name for each in fields(Event))
@@ -120,16 +55,8 @@ class Cancelled(GseditError):
     """Error of a command that was cancelled."""
 
 
-@dataclass
-class Running:
-    """A command in its process."""
-
-    process: subprocess.Popen[str]
-    cancelled: bool = False
-
-
 class Worker:
-    """Runs commands, each in a process of its own that has loaded everything already.
+    """Runs commands one at a time, each in a process of its own that has loaded everything already.
 
     A process ends with its command: nothing is left of it in memory, and killing it harms nothing.
     `program` starts one that reads a JSON list of arguments from its stdin, runs that command, and
@@ -138,56 +65,84 @@ class Worker:
 
     def __init__(self, program: Sequence[str]) -> None:
         """Keep the program; nothing is started yet."""
+        self.busy: Work | None = None
+        """The command in hand."""
+        self.tell: Callable[[], None] = lambda: None
+        """Called after each change of `busy`."""
         self._program = tuple(program)
-        self._lock = Lock()
+        self._lock = RLock()
         self._spare: subprocess.Popen[str] | None = None
-        self._running: Running | None = None
-        self._closed = False
+        self._running: subprocess.Popen[str] | None = None
+        self._cancelled = self._closed = False
+        self._told = Stopwatch()
+
+    def check_idle(self) -> None:
+        """Raise UsageError where a command is in hand."""
+        if self.busy is not None:
+            raise UsageError(f"“{self.busy.title}” is still being done: wait for it, or cancel it")
 
     def warm(self) -> None:
         """Start the process of the next command, unless there is one."""
         with self._lock:
             if not self._closed and (self._spare is None or self._spare.poll() is not None):
-                self._spare = self._started()
+                # a session of its own: Ctrl-C in the terminal is the page's to handle
+                self._spare = subprocess.Popen(
+                    self._program, stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+                    stderr=subprocess.PIPE, text=True, encoding="utf-8", errors="replace",
+                    start_new_session=True,
+                )  # fmt: skip
 
-    def run(
-        self,
-        arguments: Sequence[str],
-        on_event: Callable[[Event], None],
-        on_line: Callable[[str], None] = lambda line: None,
-    ) -> dict[str, Any]:
-        """Run a command and return the record of its result; events and messages are handed over
-        as they come, in this thread and another.
+    def begin(self, command: Sequence[str], title: str, done: Done, failed: Failed) -> None:
+        """Run a command. Then `done` is given the record of its result, or `failed` the error; both
+        in a thread, when the next command may begin. Raises UsageError as `check_idle`."""
+        with self._lock:
+            self.check_idle()
+            self.busy, self._cancelled = Work(title, tuple(command), Stopwatch()), False
+        self.tell()
+
+        def work() -> None:
+            try:
+                try:
+                    record = self.run((*command, "--json"))
+                finally:
+                    self.busy = None
+                done(record)
+            except Exception as error:
+                failed(error)
+            self.tell()
+
+        Thread(target=work, daemon=True, name="work").start()
+
+    def run(self, arguments: Sequence[str]) -> dict[str, Any]:
+        """Run a command and return the record of its result; events and messages change `busy`.
 
         Raises Cancelled after `cancel`, and GseditError with the command's own sentence.
         """
         self.warm()
         with self._lock:
-            if self._closed or self._spare is None:
-                raise Cancelled("the page is closed")
-            running = self._running = Running(self._spare)
+            if self._closed or self._cancelled or self._spare is None:
+                raise Cancelled("the page is closed" if self._closed else "cancelled")
+            running = self._running = self._spare
             self._spare = None
         try:
-            told, lines = _conversation(running.process, arguments, on_event, on_line)
+            told, lines = _conversation(running, arguments, self._change)
         finally:
             with self._lock:
                 self._running = None
             self.warm()
-        if running.cancelled:
+        if self._cancelled:
             raise Cancelled("cancelled")
-        if code := running.process.returncode:
+        if code := running.returncode:
             raise GseditError(_said(told.get("error"), lines, code))
         return told.get("result", {})
 
-    def cancel(self) -> bool:
-        """End the command that runs, if any; it may write a checkpoint first. Whether one ran."""
+    def cancel(self) -> None:
+        """End the command in hand, if any, also one whose process is only being started; it may
+        write a checkpoint first."""
         with self._lock:
-            running = self._running
-            if running is None:
-                return False
-            running.cancelled = True
-        _end(running.process)
-        return True
+            self._cancelled, running = True, self._running
+        if running is not None:
+            _end(running)
 
     def close(self) -> None:
         """End all processes of the worker."""
@@ -198,30 +153,29 @@ class Worker:
         if spare is not None:
             _end(spare)
 
-    def _started(self) -> subprocess.Popen[str]:
-        # a session of its own: Ctrl-C in the terminal is the page's to handle
-        return subprocess.Popen(
-            self._program, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-            text=True, encoding="utf-8", errors="replace", start_new_session=True,
-        )  # fmt: skip
-
-
-def program_of(module: str) -> tuple[str, ...]:
-    """The program that runs a module by this Python."""
-    return (sys.executable, "-m", module)
+    def _change(self, **change: Any) -> None:
+        """Note an event or a message of the command in hand, and tell of it now and then."""
+        with self._lock:
+            if self.busy is None:
+                return
+            self.busy = replace(self.busy, **change)
+            if self._told.seconds < BETWEEN_NOTICES:
+                return
+            self._told = Stopwatch()
+        self.tell()
 
 
 def _conversation(
     process: subprocess.Popen[str],
     arguments: Sequence[str],
-    on_event: Callable[[Event], None],
-    on_line: Callable[[str], None],
+    hear: Callable[..., None],
 ) -> tuple[dict[str, Any], list[str]]:
-    """Tell a process its arguments and hear it to its end; records by their type, and messages."""
+    """Tell a process its arguments and `hear` each event and line of it, to its end; its records by
+    their type, and its messages."""
     assert process.stdin is not None
     assert process.stdout is not None
     lines: list[str] = []
-    reader = Thread(target=_read_messages, args=(process, lines, on_line), daemon=True)
+    reader = Thread(target=_read_messages, args=(process, lines, hear), daemon=True)
     reader.start()
     with suppress(BrokenPipeError):
         process.stdin.write(json.dumps(list(arguments)) + "\n")
@@ -232,7 +186,7 @@ def _conversation(
             record = json.loads(line)
             kind = record.pop("type", "") if isinstance(record, dict) else ""
             if kind == "event":
-                on_event(Event(**{k: v for k, v in record.items() if k in _EVENT_FIELDS}))
+                hear(event=Event(**{k: v for k, v in record.items() if k in _EVENT_FIELDS}))
             else:
                 told[kind] = record
     process.wait()
@@ -243,13 +197,13 @@ def _conversation(
 
 
 def _read_messages(
-    process: subprocess.Popen[str], lines: list[str], on_line: Callable[[str], None]
+    process: subprocess.Popen[str], lines: list[str], hear: Callable[..., None]
 ) -> None:
     assert process.stderr is not None
     for line in process.stderr:
         if told := line.strip():
             lines.append(told)
-            on_line(told)
+            hear(line=told)
 
 
 def _said(error: dict[str, Any] | None, lines: Sequence[str], code: int) -> Said:

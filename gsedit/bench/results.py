@@ -1,44 +1,18 @@
-"""Files of a benchmark: measurements as JSON lines, tables as text."""
+"""Tables of a benchmark, and the machine and code that they are of."""
 
 from __future__ import annotations
 
 import os
 import platform
 import subprocess
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
-from datetime import datetime, timezone
+from collections.abc import Iterable, Sequence
 from functools import cache
 from pathlib import Path
-from typing import TypeVar
 
 import torch
 
 from gsedit.runs.environment import installed_version
-from gsedit.runs.events import Event
-from gsedit.runs.journal import Journal
 from gsedit.storage.atomic import atomic_path
-
-
-@dataclass(frozen=True)
-class Provenance:
-    """Fields that every measurement has."""
-
-    threads: int
-    """Number of torch's threads."""
-    commit: str
-    machine: str
-    date: str
-    """Date and time, ISO 8601, UTC."""
-
-    def __str__(self) -> str:
-        return f"{self.date}, commit {self.commit}, {self.machine}, {self.threads} threads."
-
-
-def provenance() -> Provenance:
-    """Provenance of a measurement that is taken now."""
-    date = datetime.now(timezone.utc).isoformat(timespec="seconds")
-    return Provenance(torch.get_num_threads(), commit(), machine(), date)
 
 
 @cache
@@ -79,24 +53,6 @@ def markdown_table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """A Markdown table, its first column aligned left, the others right."""
     lines = [head, ["---", *("---:" for _ in head[1:])], *rows]
     return "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
-
-
-Measurement = TypeVar("Measurement")
-
-
-def write_measurements(
-    items: Iterable[Event | Measurement], path: Path, measurements: list[Measurement]
-) -> Iterator[Event | Measurement]:
-    """Pass on events and measurements; each measurement is first appended to the list, and to the
-    file as a JSON line, so that an interruption loses none.
-
-    The first measurement replaces a file that is there already.
-    """
-    journal = Journal(path, records=measurements)
-    for item in items:
-        if not isinstance(item, Event):
-            journal.write(item)
-        yield item
 
 
 def write_text(path: Path, text: str) -> None:

@@ -271,7 +271,7 @@ class _Mapping:
         look = lambda: Step(rows(database, "two_view_geometries"), len(compared))  # noqa: E731
         found = yield from stages.run("matches", key, request, look=look)
         known = all(group.focal is not None for group in self.groups)
-        self.evidence = Evidence(found["features"], found["pairs"], len(compared), known)
+        self.evidence = Evidence(found["features"], found["pairs"], known)
         return database, key
 
     def _map(self, database: Path, key: str, attempt: Attempt) -> Working:

@@ -42,8 +42,6 @@ class Evidence:
     """SIFT features, by photo."""
     pairs: Sequence[Mapping[str, Any]]
     """Verified pairs: see `worker.survey`."""
-    compared: int
-    """Pairs that were compared."""
     focal_known: bool
 
     @property
@@ -135,11 +133,9 @@ def cause(evidence: Evidence, count: int, posed: int) -> str:
     if groups[0] < count and groups[0] <= max(posed, 0.8 * count):
         parts = ", ".join(str(size) for size in groups[:4] if size > 1)
         shown = f"matches connect groups of {parts}" if parts else "no two photos match well"
-        neighbors_only = evidence.compared < count * (count - 1) // 2
-        return Said(
+        return (
             f"too little overlap ({shown}): take photos in between, so that neighbors share two "
-            "thirds of the picture",
-            "every-pair" if neighbors_only else "",
+            "thirds of the picture"
         )
     if posed < 0.8 * count and not evidence.focal_known:
         what = "the photos match but do not fit together, and their focal length is unknown"

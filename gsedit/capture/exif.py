@@ -39,8 +39,6 @@ class Tags:
     width: int
     """As it is shown, pixels."""
     height: int
-    orientation: int
-    """EXIF's, 1 to 8; 1: the stored pixels are upright."""
     camera: tuple[str, ...]
     """Make, model and lens, as far as they are known."""
     focal: float | None
@@ -77,7 +75,7 @@ def read_tags(photo: Path) -> Tags:
     named = (main.get(0x010F), main.get(0x0110), more.get(0xA434))
     camera = tuple(str(text).strip("\0 ") for text in named if text)
     return Tags(
-        width, height, orientation, camera, focal, source,
+        width, height, camera, focal, source,
         gravity(more.get(0x927C), orientation, camera),
     )  # fmt: skip
 

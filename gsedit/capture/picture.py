@@ -12,8 +12,7 @@ from jaxtyping import Float
 from PIL import Image
 
 from gsedit.formats.pictures import save_picture as write_picture
-from gsedit.pictures.viewer.drawing import aim
-from gsedit.pictures.viewer.frustums import EDGES, SHARE, frustum
+from gsedit.pictures.viewer.drawing import EDGES, SHARE, aim, pyramids
 from gsedit.pictures.viewer.libraries import check_drawing, import_pyvista
 from rasterizer.camera import Camera, look_at
 
@@ -107,13 +106,9 @@ def _viewer(middle: Float[np.ndarray, "3"], radius: float, *, from_above: bool) 
 
 def _add_cameras(plotter: Any, cameras: Sequence[Camera], radius: float, *, bar: bool) -> None:
     """Pyramids, the first and the last camera at the two ends of the colors."""
-    pyvista = import_pyvista()
-    corners = np.concatenate([frustum(camera, 1.5 * SHARE * radius) for camera in cameras])
-    lines = np.array(EDGES)[None] + 5 * np.arange(len(cameras))[:, None, None]
-    lines = lines.reshape(-1, 2)
-    mesh = pyvista.PolyData(corners, lines=np.hstack((np.full((len(lines), 1), 2), lines)).ravel())
     actor = plotter.add_mesh(
-        mesh, scalars=np.repeat(np.arange(len(cameras)) + 1.0, len(EDGES)), preference="cell",
+        pyramids(cameras, 1.5 * SHARE * radius),
+        scalars=np.repeat(np.arange(len(cameras)) + 1.0, len(EDGES)), preference="cell",
         cmap=COLORMAP, clim=[1, max(2, len(cameras))], line_width=2.0, show_scalar_bar=False,
     )  # fmt: skip
     if bar and len(cameras) > 1:

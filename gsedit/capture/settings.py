@@ -6,7 +6,6 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 Lens = Literal["radial", "opencv", "fisheye"]
-Matching = Literal["auto", "exhaustive", "sequential"]
 Mapper = Literal["incremental", "global"]
 
 LENSES = {
@@ -34,9 +33,6 @@ class CaptureSettings:
     """Longer side of the photos that are written, pixels; they are never made larger."""
     features: int = 2048
     """SIFT features of a photo, at most."""
-    matching: Matching = field(default="auto", metadata={"flag": "--matching"})
-    """Pairs of photos that are matched: every pair, or each photo with those after it in the order
-    of the names, the last with the first. auto: every pair of up to 80 photos."""
     mapper: Mapper = field(default="incremental", metadata={"flag": "--mapper"})
     """COLMAP's incremental mapping, or its global one (GLOMAP), which is faster on hundreds of
     photos and needs good focal lengths."""
@@ -79,8 +75,7 @@ class Attempt:
 
 def ladder(settings: CaptureSettings, count: int) -> tuple[tuple[str, Attempt], ...]:
     """Retry schedule for `count` photos, cheapest attempt first, each with its name."""
-    every = settings.matching == "exhaustive"
-    every = every or (settings.matching == "auto" and count <= EXHAUSTIVE_UP_TO)
+    every = count <= EXHAUSTIVE_UP_TO
     tried = Attempt(settings.features, every)
     rungs = [("", tried)]
     if not settings.retries:
@@ -88,7 +83,7 @@ def ladder(settings: CaptureSettings, count: int) -> tuple[tuple[str, Attempt], 
     if settings.mapper == "incremental":
         tried = replace(tried, min_angle=4.0, min_inliers=40)
         rungs.append(("a smaller angle between the first two photos", tried))
-    if not every and settings.matching == "auto" and count <= EVERY_PAIR_UP_TO:
+    if not every and count <= EVERY_PAIR_UP_TO:
         tried = replace(tried, exhaustive=True)
         rungs.append(("every pair of photos", tried))
     tried = replace(tried, features=2 * tried.features, peak=tried.peak / 3)

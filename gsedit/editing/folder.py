@@ -16,7 +16,7 @@ from gsedit.formats.scenes import save
 from gsedit.measures.against import ALONE, HELD_OUT, TARGETS, UNFINISHED
 from gsedit.paper.evidence import SHEET_HELD_OUT_VIEWS
 from gsedit.runs.environment import environment
-from gsedit.runs.journal import as_record
+from gsedit.runs.events import as_record
 from gsedit.runs.json_lines import write_line, write_record
 from gsedit.select.region import save_region
 from gsedit.storage.atomic import atomic_path, check_writable

@@ -11,13 +11,18 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from gsedit.fitting.settings import FitSettings
 from gsedit.runs.state import tensor_like
 from gsedit.runs.step_threads import on_threads
 from rasterizer.camera import Camera
 from rasterizer.project import rotation_matrices
 from rasterizer.scene import Gaussians, concatenate
 
+MOST_DIVIDED = 0.1
+"""Largest share of the Gaussians that divides each time: of the largest positional gradients."""
+PRUNED_OPACITY = 0.005
+"""Opacity below which a Gaussian is removed: an 8-bit picture hardly shows it."""
+DECAY = 0.004
+"""Opacity subtracted from every Gaussian each time; training restores what the photos need."""
 SPLIT_OFFSET = 0.75
 """The two halves of a Gaussian lie so many standard deviations off its center, along its longest
 axis, and are shorter there by as much as leaves the second moment of both together what it was."""
@@ -74,21 +79,18 @@ class ScreenGradients:
 
 @torch.no_grad()
 @on_threads(1)  # the last digits of torch's sigmoid depend on where a thread's part ends
-def densify(
-    scene: Gaussians, gradients: Float[Tensor, " n"], settings: FitSettings, target: int
-) -> Densified:
+def densify(scene: Gaussians, gradients: Float[Tensor, " n"], target: int) -> Densified:
     """Lower all opacities, remove what is transparent, divide what has the largest gradients.
 
-    Opacities fall by the settings' decay, and by half at most (`faded`). So many divide that there
-    are `target` Gaussians, if they are no more than the settings' share of them and the limit
-    allows it. A dividing Gaussian becomes two along its longest axis, which together have its mass
-    (the integral of its lowered opacity), mean and covariance: the pictures change little.
+    Opacities fall by DECAY, and by half at most (`faded`). So many divide that there are `target`
+    Gaussians, if they are no more than MOST_DIVIDED of them. A dividing Gaussian becomes two along
+    its longest axis, which together have its mass (the integral of its lowered opacity), mean and
+    covariance: the pictures change little.
     """
-    scene = faded(scene, settings.opacity_decay)
-    alive = scene.opacities > min(settings.prune_opacity, float(scene.opacities.max()) / 2)
+    scene = faded(scene)
+    alive = scene.opacities > min(PRUNED_OPACITY, float(scene.opacities.max()) / 2)
     before = int(alive.sum())
-    room = min(target, settings.max_gaussians) - before
-    count = max(0, min(room, int(settings.densify_fraction * before)))
+    count = max(0, min(target - before, int(MOST_DIVIDED * before)))
     strongest = torch.where(alive, gradients, -1.0).topk(count).indices
     halves = _halves(scene[strongest])
     alive[strongest] = False
@@ -98,14 +100,12 @@ def densify(
     return Densified(concatenate(scene[kept], *halves), origin, fresh)
 
 
-def faded(scene: Gaussians, decay: float) -> Gaussians:
+def faded(scene: Gaussians, decay: float = DECAY) -> Gaussians:
     """The scene with every opacity lower by `decay`, or by half where that is less.
 
     What no photo raises again becomes transparent, and what is removed makes room for more where
     the pictures disagree: as brush does, and instead of the resets of Kerbl et al.
     """
-    if not decay:
-        return scene
     opacities = torch.maximum(scene.opacities - decay, scene.opacities / 2)
     # an opacity of 1, which a tiny decay rounds to, has no finite logit
     logits = torch.minimum(scene.logit_opacities, torch.logit(opacities))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain
@@ -20,14 +20,14 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from gsedit.datasets.dataset import Dataset, View
+from gsedit.datasets.lazy_views import PixelCache
 from gsedit.errors import UsageError
 from gsedit.fitting.budget import Budget
 from gsedit.fitting.densify import ScreenGradients, densify
 from gsedit.fitting.exposure import Exposures
 from gsedit.fitting.initial import Once, initial_scene
 from gsedit.fitting.optimizer import SceneOptimizer, optimized_scene
-from gsedit.fitting.photometric import photometric, supervised
-from gsedit.fitting.pyramid import check_sizes, pyramid
+from gsedit.fitting.photometric import SMALLEST, photometric, supervised
 from gsedit.fitting.settings import FitSettings
 from gsedit.measures.decibels import rmse_from_psnr
 from gsedit.measures.metrics import psnr
@@ -62,6 +62,10 @@ PLAIN = ("order", "curve", "loss", "next_evaluation", "last_checkpoint", "starte
 SWEEP_SHARE = 0.25
 """Share of the budget's seconds after which the plane sweep of the start ends: 84 photos at 256
 pixels take 3."""
+SMALLEST_COARSE = 32
+"""Pixels on the longer side: a coarse picture has no fewer, whatever its factor."""
+GROWTH_SHARE = 0.6
+"""Share of the budget after which the number of Gaussians is left alone."""
 LOSS_DECAY = 0.95
 """Decay per step of the running mean of the loss that events report."""
 
@@ -295,18 +299,16 @@ class _Fit:
         """Densify every so many steps."""
         settings, budget, optimizer = self.settings, self.budget, self.optimizer
         due = budget.step % settings.densify_every == 0
-        if due and budget.progress < settings.densify_until:
-            grown = densify(
-                optimizer.scene.detach(), self.gradients.mean, settings, self._gaussians_due()
-            )
+        if due and budget.progress < GROWTH_SHARE:
+            scene, gradients = optimizer.scene.detach(), self.gradients.mean
+            grown = densify(scene, gradients, self._gaussians_due())
             optimizer.replace(*grown)
             self.gradients = ScreenGradients(len(grown.scene))
 
     def _gaussians_due(self) -> int:
         """How many there are to be by now: from the start's number evenly to the limit."""
-        settings = self.settings
-        grown = self.budget.progress / max(settings.densify_until, 1e-9)
-        return round(self.started_with + grown * (settings.max_gaussians - self.started_with))
+        most, grown = self.settings.max_gaussians, self.budget.progress / GROWTH_SHARE
+        return min(most, round(self.started_with + grown * (most - self.started_with)))
 
     def report(self) -> Iterator[Event]:
         """A measurement on the held-out views if one is due, otherwise the loss now and then."""
@@ -359,6 +361,35 @@ def _start(
         once=once,
         out_of_time=lambda: budget.seconds > SWEEP_SHARE * (settings.seconds or inf),
     )
+
+
+def check_sizes(views: Sequence[View], settings: FitSettings) -> None:
+    """Raise UsageError for a photo that is too small for the loss."""
+    small = min(views, key=lambda view: min(view.camera.width, view.camera.height))
+    width, height = small.camera.width, small.camera.height
+    if settings.dssim_weight and min(width, height) < SMALLEST:
+        raise UsageError(
+            f"{small.name} has {width}x{height} pixels, and SSIM needs {SMALLEST} a side: fit to "
+            "larger photos, or give --dssim-weight 0"
+        )
+
+
+def pyramid(views: Sequence[View], factors: Iterable[int]) -> dict[int, tuple[View, ...]]:
+    """By factor, 1 among them: the views on grids so many times coarser, made when they are first
+    needed. A view whose coarse picture would be too small is made less coarse, or stays."""
+    kept = PixelCache()
+    return {
+        factor: tuple(_coarse(view, factor, kept) for view in views) for factor in (1, *factors)
+    }
+
+
+def _coarse(view: View, factor: int, kept: PixelCache) -> View:
+    camera = view.camera
+    sides = (camera.width, camera.height)
+    factor = max(1, min(factor, max(sides) // SMALLEST_COARSE))
+    if min(sides) // factor < SMALLEST:
+        return view
+    return kept.resized(view, *(side // factor for side in sides))
 
 
 def requested(

@@ -132,16 +132,6 @@ class FitSettings:
     """The number of Gaussians grows to this, and never beyond."""
     densify_every: int = 100
     """Number of steps between densifications."""
-    densify_until: float = 0.6
-    """Fraction of the budget after which the number of Gaussians is left alone."""
-    densify_fraction: float = 0.1
-    """Largest share of the Gaussians, those of the largest positional gradients, that divides each
-    time."""
-    prune_opacity: float = 0.005
-    """Gaussians below this opacity are removed when the scene is densified."""
-    opacity_decay: float = 0.004
-    """Opacity subtracted from every Gaussian at each densification, at most half of its own;
-    training restores what the photos need, and the rest is removed."""
     report_every: int = 10
     """Steps between progress events."""
     evaluations: int = 10
@@ -169,11 +159,8 @@ class FitSettings:
         for name in ("max_gaussians", "densify_every", "report_every", "evaluations"):
             if not getattr(self, name) >= 1:
                 raise UsageError(f"{name} is {getattr(self, name)}: give 1 or more")
-        for name in (
-            "dssim_weight", "densify_until", "densify_fraction", "prune_opacity", "opacity_decay"
-        ):  # fmt: skip
-            if not 0 <= getattr(self, name) <= 1:
-                raise UsageError(f"{name} is {getattr(self, name)}: give a number from 0 to 1")
+        if not 0 <= self.dssim_weight <= 1:
+            raise UsageError(f"dssim_weight is {self.dssim_weight}: give a number from 0 to 1")
         if not self.checkpoint_seconds >= 0:
             raise UsageError(f"checkpoint_seconds is {self.checkpoint_seconds}: give 0 or more")
 

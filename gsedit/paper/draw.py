@@ -39,8 +39,7 @@ from gsedit.paper.state import (
 from gsedit.paper.survey import survey_views
 from gsedit.paper.unedited import UneditedRenders
 from gsedit.paper.view_plan import ViewPlan
-from gsedit.runs.events import Checkpoint, Event, events_of, returned
-from gsedit.runs.journal import as_record
+from gsedit.runs.events import Checkpoint, Event, as_record, events_of, returned
 from gsedit.runs.json_lines import plain
 from gsedit.runs.state import State
 from gsedit.runs.stopwatch import Stopwatch

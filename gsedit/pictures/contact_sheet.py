@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image, ImageDraw, ImageFont, ImageOps
 
 from gsedit.datasets.dataset import View, evenly_spaced
 from gsedit.formats.pictures import as_picture
@@ -54,7 +54,9 @@ def contact_sheet(
                 draw.text((left, top + 2), caption, fill="black", font=font)
             if (view := views[index]) is None:
                 continue
-            picture = _fitted(as_picture(view.image), cell_w, cell_h)
+            picture = ImageOps.contain(
+                as_picture(view.image), (cell_w, cell_h), Image.Resampling.LANCZOS
+            )
             left += (cell_w - picture.width) // 2
             sheet.paste(picture, (left, top + LABEL + (cell_h - picture.height) // 2))
     return sheet
@@ -67,9 +69,3 @@ def _cell_size(views: Sequence[View]) -> tuple[int, int]:
     longest = max(width, height)
     scale = min(max(longest, CELL_PIXELS[0]), CELL_PIXELS[1]) / longest
     return round(width * scale), round(height * scale)
-
-
-def _fitted(picture: Image.Image, width: int, height: int) -> Image.Image:
-    scale = min(width / picture.width, height / picture.height)
-    size = (max(1, round(picture.width * scale)), max(1, round(picture.height * scale)))
-    return picture.resize(size, Image.Resampling.LANCZOS)

@@ -53,18 +53,20 @@ class Animation:
         self, index: int, near_far: tuple[float, float] | None = None
     ) -> UInt8[np.ndarray, "h w 3"]:
         """One frame; `near_far` are the ends of the depth scale (None: the frame's own)."""
-        camera, background, execution = self.cameras[index], self.background, self.execution
         if self.wiped is not None:
             picture = wipe(
-                self.scene, self.wiped, camera, self.share(index),
-                background=background, numerics=self.numerics, execution=execution,
+                self.scene, self.wiped, self.cameras[index], self.share(index),
+                background=self.background, numerics=self.numerics, execution=self.execution,
             )  # fmt: skip
             return eight_bits(picture)
-        maps = render_maps(
-            self.scene, camera, self.show,
-            background=background, numerics=self.numerics[0], execution=execution,
+        return panels(self.maps(index), self.show, near_far)
+
+    def maps(self, index: int) -> Maps:
+        """The maps of one frame that are shown."""
+        return render_maps(
+            self.scene, self.cameras[index], self.show, background=self.background,
+            numerics=self.numerics[0], execution=self.execution,
         )  # fmt: skip
-        return panels(maps, self.show, near_far)
 
     def share(self, index: int) -> float:
         """Share of a frame's width that shows the first scene: 1 to 0 and back."""

@@ -153,7 +153,8 @@ def normal_map(
     needle says nothing of a surface. (From depth, which is that of centers, the normals of a sphere
     of discs are wrong by several times as much: docs/measurements/toolkit.md.)
     """
-    axes = _facing(scene, camera)
+    axes = facing(shortest_axes(scene), scene, camera) @ camera.rotation.to(scene.means).T
+    axes = axes * axes.new_tensor((1.0, -1.0, -1.0))  # y up, z to the viewer
     # as colors in [0, 1]: the blend of n / 2 + 1 / 2 is (the blend of n) / 2 + alpha / 2
     colored = replace(scene, sh=(axes / 2 / SH_DC)[:, None])
     drawn = render(colored, camera, numerics=numerics, execution=execution)
@@ -201,10 +202,3 @@ def wipe(
         picture[:, max(0, edge - half - 1) : edge + half + 1] = 0.2
         picture[:, max(0, edge - half) : edge + half] = 1
     return picture
-
-
-def _facing(scene: Gaussians, camera: Camera) -> Float[Tensor, "n 3"]:
-    """The shortest axes, as long as a Gaussian is flat, in the camera's axes (y up, z to the
-    viewer), turned to the camera."""
-    axes = facing(shortest_axes(scene), scene, camera) @ camera.rotation.to(scene.means).T
-    return axes * axes.new_tensor((1.0, -1.0, -1.0))

@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 import torch
-from jaxtyping import Float, UInt8
+from jaxtyping import Float
 from PIL import Image
 from torch import Tensor
 
@@ -175,11 +175,6 @@ def exr_channels(maps: Maps, show: Shown) -> dict[str, Float[np.ndarray, "h w"]]
             case "alpha":
                 channels["A"] = values
     return channels
-
-
-def save_frame(frame: UInt8[np.ndarray, "h w 3"], path: Path, *, overwrite: bool = False) -> None:
-    """Write a frame of an animation as a PNG, whole or not at all."""
-    save_picture(Image.fromarray(frame), path, overwrite=overwrite)
 
 
 def save_numbers(

@@ -19,7 +19,6 @@ from gsedit.select.region import Region, tinted
 from gsedit.select.segment import Segments
 from rasterizer.camera import Camera
 from rasterizer.color_weights import color_weights
-from rasterizer.numerics import AUTO, Execution
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
 
@@ -50,10 +49,9 @@ def segment_sheet(
     segments: Segments,
     told: Sequence[str],
     viewpoints: Sequence[Viewpoint],
-    execution: Execution = AUTO,
 ) -> Image.Image:
     """A sheet of at most VIEWS views; `told` are the names of the segments by number."""
-    return _sheet(viewpoints, lambda camera: _view(scene, segments, told, camera, execution))
+    return _sheet(viewpoints, lambda camera: _view(scene, segments, told, camera))
 
 
 @torch.no_grad()
@@ -61,13 +59,10 @@ def region_sheet(
     scene: Gaussians,
     region: Region,
     viewpoints: Sequence[Viewpoint],
-    execution: Execution = AUTO,
 ) -> Image.Image:
     """A sheet of at most VIEWS views with a region tinted."""
     shown = tinted(scene, region)
-    return _sheet(
-        viewpoints, lambda camera: as_picture(render(shown, camera, execution=execution).color)
-    )
+    return _sheet(viewpoints, lambda camera: as_picture(render(shown, camera).color))
 
 
 def _sheet(
@@ -99,10 +94,9 @@ def _view(
     segments: Segments,
     told: Sequence[str],
     camera: Camera,
-    execution: Execution,
 ) -> Image.Image:
-    picture = eight_bits(render(scene, camera, execution=execution).color) / 255
-    owner = median_filter(_owners(scene, segments, camera, execution).numpy(), SPECKLE)
+    picture = eight_bits(render(scene, camera).color) / 255
+    owner = median_filter(_owners(scene, segments, camera).numpy(), SPECKLE)
     colors = np.array([_color(segments, i) for i in range(len(told))])
     for number, row in enumerate(segments.rows):
         here = owner == number
@@ -118,11 +112,9 @@ def _view(
     return image
 
 
-def _owners(
-    scene: Gaussians, segments: Segments, camera: Camera, execution: Execution
-) -> Int[Tensor, "h w"]:
+def _owners(scene: Gaussians, segments: Segments, camera: Camera) -> Int[Tensor, "h w"]:
     """The segment that gives most of each pixel; -1 where hardly anything is."""
-    weights = color_weights(scene, camera, execution=execution)
+    weights = color_weights(scene, camera)
     shares: list[Float[Tensor, "h w c"]] = []
     for first in range(0, len(segments.rows), 3):
         flags = [segments.labels == first + i for i in range(3)]

@@ -48,6 +48,11 @@ class Checkpoint:
         return self.copy_scene()
 
 
+def as_record(event: Event) -> dict[str, Any]:
+    """The fields of an event that hold something, by name: a line of metrics.jsonl."""
+    return {name: value for name, value in vars(event).items() if value not in (None, "")}
+
+
 def events_of(state: State) -> list[Event]:
     """The events that the record of a state holds. Raises InputError for a damaged one."""
     with restoring(state):

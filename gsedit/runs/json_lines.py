@@ -5,14 +5,11 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import fields, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass
 from pathlib import Path
-from typing import IO, Any, TypeVar
+from typing import IO, Any, Generic, TypeVar
 
-from gsedit.errors import InputError
 from gsedit.storage.atomic import atomic_path
-from gsedit.storage.inputs import open_regular
-from gsedit.storage.json_files import object_of, parse_json
 
 Record = TypeVar("Record")
 
@@ -22,7 +19,7 @@ def plain(value: Any) -> Any:
     whatever else as text, and the numbers that JSON lacks (NaN, infinity) as null.
     """
     if is_dataclass(value):
-        return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
+        return {each.name: plain(getattr(value, each.name)) for each in fields(value)}
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
@@ -44,26 +41,22 @@ def write_line(file: IO[str], record: Any) -> None:
     file.flush()
 
 
-def read_lines(
-    path: Path | str, build: Callable[..., Record], *, kind: str, advice: str
-) -> list[Record]:
-    """The records of a file, each `build(**object)` of a line. Empty lines are left out, and so is
-    a last line without its newline: an interruption cut it off.
+@dataclass
+class Journal(Generic[Record]):
+    """A file of JSON lines that grows with the work: each record is on disk before the next.
 
-    Raises InputError naming the file, the line that is not `kind` ("an event"), and the `advice`.
+    The first record replaces what an earlier run left at `path`; folders are made.
     """
-    try:
-        with open_regular(Path(path)) as file:
-            text = file.read().decode()
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: cannot be read ({error}); {advice}") from error
-    records = []
-    for number, line in enumerate(text.split("\n")[:-1], 1):
-        if not line.strip():
-            continue
-        where = f"{path}, line {number}: not {kind}"
-        try:
-            records.append(build(**parse_json(line, where, object_of({}), advice=advice)))
-        except (ValueError, TypeError) as error:
-            raise InputError(f"{where} ({error}); {advice}") from error
-    return records
+
+    path: Path
+    as_record: Callable[[Record], Any] = lambda record: record
+    """Conversion of a record before it is written; NaN and infinity are written as null."""
+    records: list[Record] = field(default_factory=list)
+
+    def write(self, record: Record) -> None:
+        """Append a record to the file and to `records`."""
+        mode = "a" if self.records else "w"
+        self.records.append(record)
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        with self.path.open(mode, encoding="utf-8") as file:
+            write_line(file, self.as_record(record))

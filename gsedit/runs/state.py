@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,7 +19,7 @@ from torch import Tensor
 from gsedit.errors import InputError, Said, UsageError
 from gsedit.storage.atomic import atomic_path
 from gsedit.storage.inputs import existing_file
-from gsedit.storage.json_files import object_of, parse_json
+from gsedit.storage.json_files import Check, Misfit, list_of, number, object_of, parse_json, text
 
 KEY = "gsedit"
 """Key of the JSON in the file's metadata."""
@@ -29,46 +29,35 @@ LONGEST_SECONDS = 1e9
 """Longest time that work may have taken: 32 years, which a plot still has an axis for."""
 
 
-def _is_object(value: Any) -> bool:
-    return isinstance(value, dict)
+def _flag(value: Any, place: str) -> bool:
+    if not isinstance(value, bool):
+        raise Misfit(f"{place} is neither true nor false")
+    return value
 
 
-def _is_list(value: Any) -> bool:
-    return isinstance(value, list)
+def _source(value: Any, place: str) -> Any:
+    """Check that it is nothing, or where a scene is and whether invalid rows are dropped."""
+    return object_of({"scene": text(), "drop_invalid": _flag} if value != {} else {})(value, place)
 
 
-def _is_count(value: Any) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool) and value >= 0
+def _or_none(check: Check) -> Check:
+    return lambda value, place: value if value is None else check(value, place)
 
 
-def _are_objects(value: Any) -> bool:
-    return isinstance(value, list) and all(isinstance(each, dict) for each in value)
-
-
-def _is_duration(value: Any) -> bool:
-    return isinstance(value, int | float) and 0 <= value <= LONGEST_SECONDS
-
-
-def _is_source(value: Any) -> bool:
-    """Whether it is nothing, or where a scene is and whether invalid rows are dropped."""
-    kinds = {"scene": str, "drop_invalid": bool}
-    return value == {} or (
-        isinstance(value, dict) and all(isinstance(value.get(k), t) for k, t in kinds.items())
-    )
-
-
-_KINDS: Mapping[str, Callable[[Any], bool]] = {
-    **dict.fromkeys(("request", "command", "view_plan", "work", "stages"), _is_object),
-    **dict.fromkeys(("answers", "targets", "pairs", "order", "curve"), _is_list),
+_OBJECT, _LIST = object_of({}), list_of(lambda value, place: value)
+_COUNT, _DURATION = number(0, whole=True), number(0, LONGEST_SECONDS)
+_CHECKS: Mapping[str, Check] = {
+    **dict.fromkeys(("request", "command", "view_plan", "work", "stages"), _OBJECT),
+    **dict.fromkeys(("answers", "targets", "pairs", "order", "curve"), _LIST),
     **dict.fromkeys(
-        ("step", "undone", "noise_seed", "started_with", "threads", "edit_format"), _is_count
+        ("step", "undone", "noise_seed", "started_with", "threads", "edit_format"), _COUNT
     ),
-    **dict.fromkeys(("seconds", "next_evaluation", "last_checkpoint"), _is_duration),
-    "events": _are_objects,
-    "source": _is_source,
-    "loss": lambda value: value is None or isinstance(value, int | float),
-    "region": lambda value: value is None or isinstance(value, str),
-    "voted": lambda value: isinstance(value, bool),
+    **dict.fromkeys(("seconds", "next_evaluation", "last_checkpoint"), _DURATION),
+    "events": list_of(_OBJECT),
+    "source": _source,
+    "loss": _or_none(number()),
+    "region": _or_none(text(empty=True)),
+    "voted": _flag,
 }
 """Checks of a record's values, for those that are there."""
 
@@ -99,11 +88,11 @@ def save_state(state: State, path: Path) -> None:
     from safetensors import SafetensorError
     from safetensors.torch import save_file
 
-    text = json.dumps({"format": FORMAT, **state.record})
+    written = json.dumps({"format": FORMAT, **state.record})
     tensors = {name: each.detach().cpu().contiguous() for name, each in state.tensors.items()}
     with atomic_path(path, overwrite=True) as temporary:
         try:
-            save_file(tensors, temporary, metadata={KEY: text})
+            save_file(tensors, temporary, metadata={KEY: written})
         except SafetensorError as error:  # a full disk too
             raise OSError(str(error)) from error
 
@@ -115,8 +104,8 @@ def load_state(path: Path) -> State:
     existing_file(path)
     try:
         with safe_open(path, framework="pt") as file:
-            text = (file.metadata() or {})[KEY]
-            record = parse_json(text, path, object_of({}), advice="remove it, and start again")
+            written = (file.metadata() or {})[KEY]
+            record = parse_json(written, path, object_of({}), advice="remove it, and start again")
             tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
     except (SafetensorError, KeyError, ValueError) as error:
         raise InputError(
@@ -127,11 +116,13 @@ def load_state(path: Path) -> State:
             f"{path} was written by another version of gsedit: go on with that version, or remove "
             "it and start again"
         )
-    wrong = [name for name, kind in _KINDS.items() if name in record and not kind(record[name])]
-    if wrong:
+    try:
+        for name in _CHECKS.keys() & record.keys():
+            _CHECKS[name](record[name], name)
+    except Misfit as error:
         raise InputError(
-            f"{path} is damaged ({', '.join(wrong)}): remove it, and start the work again"
-        )
+            f"{path} is damaged ({error}): remove it, and start the work again"
+        ) from None
     return State(record, tensors, str(path))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import pytest
@@ -9,14 +10,13 @@ from page_browser import CTRL, browser, chromium
 from pages import make_page, served
 
 from gsedit.app.opening import open_path
-from gsedit.app.worker import program_of
 from gsedit.formats.scenes import read_scene
 
 pytestmark = pytest.mark.skipif(chromium() is None, reason="there is no Chromium to open")
 
 
 def test_open_click_type_apply_undo_and_export(scene, tmp_path):
-    page = make_page(tmp_path, program_of("gsedit_cli.core.warm"))
+    page = make_page(tmp_path, (sys.executable, "-m", "gsedit_cli.core.warm"))
     page.warm()
     open_path(page, scene)
     try:

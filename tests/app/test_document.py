@@ -19,7 +19,6 @@ from gsedit.app.document import (
     moved,
     opened,
     save,
-    scene_file,
     session_folder,
     step_folder,
 )
@@ -56,7 +55,7 @@ def test_a_document_is_read_as_it_was_written(document, tmp_path):
         save(each, tmp_path)
         assert load(tmp_path) == each
     save(document, tmp_path)
-    assert scene_file(document, tmp_path) == tmp_path / "steps/002/scene.ply"
+    assert document.current.scene == "steps/002/scene.ply"
 
 
 @pytest.mark.parametrize(

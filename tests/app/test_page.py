@@ -105,7 +105,7 @@ def test_one_command_at_a_time_which_can_be_cancelled(opened):
 
 
 def test_a_command_is_cancelled_while_its_process_is_being_started(opened, monkeypatch):
-    ear, worker = Ear(opened), opened._jobs.worker
+    ear, worker = Ear(opened), opened.worker
     warm = worker.warm
     monkeypatch.setattr(worker, "warm", lambda: (time.sleep(0.3), warm()))
     opened.step("clean", "--seconds", "30", title="slow")
@@ -218,7 +218,7 @@ def test_photos_become_a_scene_that_is_opened(page, tmp_path, scene):
         make_scene(page)
     (tmp_path / "gone").rename(photos)
     program = f"scene = {str(scene)!r}" + COMMAND.replace("scene, *rest", "_, *rest")
-    page._jobs.worker = Worker((sys.executable, "-Sc", program))
+    page.worker = Worker((sys.executable, "-Sc", program))
     make_scene(page)
     until(lambda: page.has_scene)
     assert page.document.source == str(photos)
@@ -288,14 +288,14 @@ def test_a_worker_hands_over_events_and_ends_with_its_page():
     worker.close()
     assert spare.poll() is not None
     with pytest.raises(Cancelled):
-        worker.run(["clean"], print)
+        worker.run(["clean"])
 
 
 def test_the_warm_program_runs_a_command_of_gsedit(scene, monkeypatch):
     worker = Worker((sys.executable, "-m", "gsedit_cli.core.warm"))
     worker.warm()
     monkeypatch.setattr(worker, "warm", lambda: None)  # no process for a next command
-    record = worker.run(["info", str(scene), "--json"], print)
+    record = worker.run(["info", str(scene), "--json"])
     assert record["gaussians"] == 600
 
 
@@ -350,7 +350,7 @@ def test_an_interrupted_capture_goes_on_to_its_scene(page, tmp_path, scene):
     program = f"scene, begun = {str(scene)!r}, {str(tmp_path / 'begun')!r}" + COMMAND.replace(
         "scene, *rest", "_, *rest"
     ).replace("out = ", "verb == 'capture' and (open(begun, 'w'), time.sleep(60)); out = ")
-    page._jobs.worker = Worker((sys.executable, "-Sc", program))
+    page.worker = Worker((sys.executable, "-Sc", program))
     make_scene(page, "normal")
     until(lambda: (tmp_path / "begun").is_file())
     page.close()
@@ -362,7 +362,7 @@ def test_an_interrupted_capture_goes_on_to_its_scene(page, tmp_path, scene):
     assert [each.name for each in earlier(again)] == ["photos.session"]
     open_path(again, earlier(again)[0])
     assert again.document.pending.title == "normal scene of the photos"
-    again._jobs.worker = Worker((sys.executable, "-Sc", program))
+    again.worker = Worker((sys.executable, "-Sc", program))
     go_on(again)
     idle(again)
     assert again.scene_file.parent.name == "000-normal"

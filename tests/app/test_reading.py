@@ -37,7 +37,7 @@ def test_names_of_saved_selections_are_heard():
 
 def before_map():
     features = {"a": 900, "b": 900}
-    return cause(Evidence(features, [{"names": ("a", "b"), "inliers": 99}], 1, False), 2, 0)
+    return cause(Evidence(features, [{"names": ("a", "b"), "inliers": 99}], False), 2, 0)
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -134,7 +133,7 @@ def test_photos_of_plain_surfaces(tmp_path):
 
 def evidence(pairs, features=1000, focal_known=True, count=10):
     names = [str(i) for i in range(count)]
-    return Evidence({name: features for name in names}, pairs, 45, focal_known)
+    return Evidence({name: features for name in names}, pairs, focal_known)
 
 
 def pair(i, j, inliers=200, homography=None, shift=0.1):
@@ -168,9 +167,6 @@ def test_a_cause_by_what_the_matches_show():
     assert "too little texture (60 features" in cause(evidence(chain, features=60), 10, 0)
     assert "groups of 5, 5)" in cause(evidence(chain[:4] + chain[5:]), 10, 5)
     assert "no two photos match" in cause(evidence([]), 10, 0)
-    some = replace(evidence([]), compared=30)
-    assert "--matching exhaustive" in cause(some, 10, 0)
-    assert "--matching" not in cause(evidence([]), 10, 0)
     weak = [pair(i, i + 1, inliers=20) for i in range(9)]
     assert "no two photos match well" in cause(evidence(weak), 10, 0)
     assert "--focal" in cause(evidence(chain, focal_known=False), 10, 2)

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bad_files import PLY_COLUMNS, ply_bytes, scene_table
-from command_line import EDIT, FIT, answer, ended_early, files, gsedit, names
+from command_line import EDIT, FIT, answer, ended_early, files, gsedit, names, read_events
 from defective import invalid, unwanted
 from PIL import Image
 from playroom import playroom
@@ -19,7 +19,6 @@ from gsedit import load, load_dataset
 from gsedit.datasets.cameras_json import read_cameras
 from gsedit.formats.registry import write_scene
 from gsedit.formats.streams import SceneHeader, in_blocks
-from gsedit.runs.journal import read_events
 
 BALL = "view_0:20,50"
 """The middle of the red ball in the first view, at 96 pixels."""

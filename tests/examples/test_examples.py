@@ -6,6 +6,7 @@ import json
 
 import pytest
 import torch
+from command_line import read_events
 from contact_sheet import CELL_PIXELS, closer, edits, grid, show
 from contact_sheet import cell as cell_of
 from contact_sheet import save as save_sheet
@@ -22,7 +23,6 @@ from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.editors import Editor
 from gsedit.fitting.settings import UpdateSettings
 from gsedit.paper.strategies.single_pass import SinglePass
-from gsedit.runs.journal import read_events
 
 
 def test_the_demo_leaves_its_folder(tmp_path):

@@ -108,10 +108,7 @@ def test_a_fit_without_budget_or_photos_is_refused():
         {"report_every": 0},
         {"evaluations": 0},
         {"max_gaussians": -5},
-        {"densify_fraction": 3.0},
         {"dssim_weight": float("nan")},
-        {"prune_opacity": 2.0},
-        {"opacity_decay": -0.1},
         {"dense_start": -1},
         {"checkpoint_seconds": float("nan")},
     ):
@@ -132,14 +129,15 @@ def test_the_first_scene_is_the_sparse_points():
     assert len(without) > 1000
 
 
-def test_densify_divides_the_strongest_and_drops_the_transparent():
+def test_densify_divides_the_strongest_and_drops_the_transparent(monkeypatch):
+    monkeypatch.setattr("gsedit.fitting.densify.MOST_DIVIDED", 10 / 90)
     scene = ball(100)
     logits = scene.logit_opacities.clone()
     logits[:10] = -20.0
     scene = replace(scene, logit_opacities=logits)
     pull = torch.zeros(100)
     pull[50:60] = 1.0
-    grown, origin, fresh = densify(scene, pull, FitSettings(densify_fraction=10 / 90), 1000)
+    grown, origin, fresh = densify(scene, pull, 1000)
     assert len(grown) == 100 - 10 + 10
     assert sorted(origin[fresh].tolist()) == sorted([*range(50, 60)] * 2)
     assert not set(range(10)) & set(origin.tolist())
@@ -147,13 +145,13 @@ def test_densify_divides_the_strongest_and_drops_the_transparent():
     assert torch.equal(kept.means, scene.means[origin[~fresh]])
 
 
-def test_two_halves_have_the_mass_the_mean_and_the_covariance_of_the_whole():
+def test_two_halves_have_the_mass_the_mean_and_the_covariance_of_the_whole(monkeypatch):
+    monkeypatch.setattr("gsedit.fitting.densify.MOST_DIVIDED", 1.0)
     scene = ball(5)
     longer = scene.log_scales + torch.tensor([0.0, 1.0, -0.5])
     scene = replace(scene, log_scales=longer, quats=torch.randn(5, 4, generator=generator()))
-    settings = FitSettings(densify_fraction=1.0)
-    halves, origin, fresh = densify(scene, torch.ones(5), settings, 10)
-    scene = faded(scene, settings.opacity_decay)
+    halves, origin, fresh = densify(scene, torch.ones(5), 10)
+    scene = faded(scene)
     assert fresh.all()
 
     def moments(part):
@@ -167,15 +165,10 @@ def test_two_halves_have_the_mass_the_mean_and_the_covariance_of_the_whole():
         torch.testing.assert_close(together, whole, rtol=1e-4, atol=1e-6)
 
 
-def test_densify_stops_at_the_limit_the_target_and_the_share():
+def test_densify_stops_at_the_target_and_the_share():
     pull = torch.rand(100, generator=generator())
-    for settings, target, number in (
-        (FitSettings(max_gaussians=103, densify_fraction=0.5), 200, 103),
-        (FitSettings(densify_fraction=0.5), 120, 120),
-        (FitSettings(densify_fraction=0.07), 120, 107),
-        (FitSettings(), 50, 100),
-    ):
-        assert len(densify(ball(100), pull, settings, target).scene) == number
+    for target, number in ((106, 106), (120, 110), (50, 100)):
+        assert len(densify(ball(100), pull, target).scene) == number
 
 
 def test_unseen_gaussians_never_move():
@@ -220,16 +213,14 @@ def test_densify_lowers_opacities_by_the_decay_and_by_half_at_most():
     scene = replace(ball(5), logit_opacities=torch.logit(opacities))
     lower = torch.tensor([0.0015, 0.003, 0.016, 0.496, 0.996])
     assert torch.allclose(faded(scene, 0.004).opacities, lower, atol=1e-6)
-    grown, origin, _ = densify(scene, torch.zeros(5), FitSettings(opacity_decay=0.004), 5)
+    grown, origin, _ = densify(scene, torch.zeros(5), 5)
     assert origin.tolist() == [2, 3, 4]
     assert torch.allclose(grown.opacities, lower[2:], atol=1e-6)
-    kept = densify(scene, torch.zeros(5), FitSettings(opacity_decay=0.0), 5).scene
-    assert torch.equal(kept.logit_opacities, scene.logit_opacities[1:])
     full = replace(scene, logit_opacities=torch.full((5,), 20.0))
     assert faded(full, 1e-9).logit_opacities.isfinite().all()
 
 
 def test_a_fading_scene_keeps_its_most_opaque():
     scene = replace(ball(20), logit_opacities=torch.linspace(-20, -10, 20))
-    kept, _, _ = densify(scene, torch.zeros(20), FitSettings(), 20)
+    kept, _, _ = densify(scene, torch.zeros(20), 20)
     assert len(kept) > 0

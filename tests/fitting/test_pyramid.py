@@ -7,7 +7,7 @@ import torch
 
 from gsedit import Dataset, FitSettings, View, fit
 from gsedit.errors import UsageError
-from gsedit.fitting.pyramid import pyramid
+from gsedit.fitting.fit import pyramid
 from gsedit.synthetic import ring_cameras, scenes, traced_dataset
 
 CAMERA = ring_cameras(scenes()[0], 1, 8)[0]

@@ -130,9 +130,8 @@ def densified(threads: int):
     random = torch.Generator().manual_seed(0)
     logits = torch.randn(len(many), generator=random)
     torch.set_num_threads(threads)
-    settings = FitSettings(max_gaussians=10**6)
     gradients = torch.rand(len(many), generator=random)
-    return densify(replace(many, logit_opacities=logits), gradients, settings, 5 * ROWS).scene
+    return densify(replace(many, logit_opacities=logits), gradients, 5 * ROWS).scene
 
 
 def test_a_densification(threads):

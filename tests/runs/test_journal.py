@@ -1,15 +1,15 @@
-"""Events survive as JSON lines, a cut-off line is forgiven, the table accounts for all the time."""
+"""Events survive as JSON lines, the table accounts for all the time."""
 
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
-import pytest
+from command_line import read_events
 
 from gsedit import Event
 from gsedit.pictures.figures import curves, spans, table
-from gsedit.runs.journal import event_journal, read_events
+from gsedit.runs.events import as_record
+from gsedit.runs.json_lines import Journal
 
 EVENTS = [
     Event("render", 1.0, note="8 views"),
@@ -20,23 +20,12 @@ EVENTS = [
 ]
 
 
-@pytest.fixture
-def path(tmp_path):
-    return tmp_path / "metrics.jsonl"
-
-
-def write(path: Path, events: list[Event], end: str = "") -> None:
-    journal = event_journal(path)
-    for event in events:
+def test_what_is_written_is_read_back(tmp_path):
+    journal = Journal(tmp_path / "metrics.jsonl", as_record)
+    for event in EVENTS:
         journal.write(event)
-    assert journal.records == events
-    with path.open("a") as file:
-        file.write(end)
-
-
-def test_what_is_written_is_read_back(path):
-    write(path, EVENTS)
-    assert read_events(path) == EVENTS
+    assert journal.records == EVENTS
+    assert read_events(journal.path) == EVENTS
 
 
 def test_curves_hold_only_what_was_measured():

@@ -1,4 +1,4 @@
-"""A record becomes one line of JSON and back; what is not a record is named with its line."""
+"""A record becomes one line of JSON."""
 
 from __future__ import annotations
 
@@ -8,10 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 
-import pytest
-
-from gsedit.errors import InputError
-from gsedit.runs.json_lines import plain, read_lines, write_line
+from gsedit.runs.json_lines import plain, write_line
 
 
 @dataclass(frozen=True)
@@ -40,29 +37,3 @@ def test_a_line_is_on_disk_before_the_next(tmp_path):
     with path.open("w", encoding="utf-8") as file:
         write_line(file, Measured("a", math.inf))
         assert json.loads(path.read_text()) == {"name": "a", "error": None, "sizes": []}
-
-
-def read(path: Path) -> list[Measured]:
-    return read_lines(path, Measured, kind="a measurement", advice="give rows.jsonl")
-
-
-def test_lines_are_read_back_without_the_one_that_was_cut_off(tmp_path):
-    path = tmp_path / "rows.jsonl"
-    path.write_text('{"name": "a", "error": 1.0}\n\n{"name": "b", "error": null}\n{"name": "c')
-    assert read(path) == [Measured("a", 1.0), Measured("b", None)]
-
-
-@pytest.mark.parametrize("line", ["{", "3", "[]", '{"name": "b"}', '{"name": "b", "odd": 1}'])
-def test_a_line_that_is_no_record_is_named(tmp_path, line):
-    path = tmp_path / "rows.jsonl"
-    path.write_text(f'{{"name": "a", "error": 1.0}}\n{line}\n')
-    with pytest.raises(InputError, match=r"rows\.jsonl, line 2: not a measurement.*give rows"):
-        read(path)
-
-
-def test_a_file_that_cannot_be_read_is_named(tmp_path):
-    with pytest.raises(InputError, match=r"absent\.jsonl cannot be read"):
-        read(tmp_path / "absent.jsonl")
-    (tmp_path / "bytes.jsonl").write_bytes(b"\xff\xfe\n")
-    with pytest.raises(InputError, match=r"bytes\.jsonl: cannot be read"):
-        read(tmp_path / "bytes.jsonl")

@@ -16,10 +16,7 @@ from typing import NamedTuple
 import torch
 
 from gsedit.bench.results import (
-    Provenance,
     markdown_table,
-    provenance,
-    write_measurements,
     write_text,
 )
 from gsedit.datasets.dataset import Dataset, View
@@ -36,6 +33,7 @@ from research.figures import draw_errors
 from research.fit import captures
 from research.fit.clock import Clock, Moment
 from research.fit.gsplat_recipe import gsplat_fit
+from research.provenance import Provenance, provenance, write_measurements
 
 ROWS, TABLE, PLOT = "fit.jsonl", "fit.md", "fit.png"
 FILES = (ROWS, TABLE, PLOT)

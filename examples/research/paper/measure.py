@@ -13,7 +13,6 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.bench.results import provenance
 from gsedit.diffusion.sampler import levels_of
 from gsedit.editing.edit import edit_steps
 from gsedit.editing.result import EditResult
@@ -32,6 +31,7 @@ from research.paper.cases import load_case
 from research.paper.observe import EXACT, Observed, Observer, nearest_truth, rendered
 from research.paper.runs import Case, Record, Run, read_record, write_record
 from research.paper.varied import Varied
+from research.provenance import provenance
 
 _OWN: dict[tuple[Case, str], Float[Tensor, "1 v h w 3"]] = {}
 """An editor's own pictures of held-out views, which all runs on a scene share."""

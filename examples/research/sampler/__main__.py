@@ -10,11 +10,12 @@ from typing import Annotated
 
 import typer
 
-from gsedit.bench.results import provenance, write_measurements, write_text
+from gsedit.bench.results import write_text
 from gsedit.runs.events import Event
 from gsedit.runs.stopwatch import Stopwatch
 from research.command import Output, Quick, collect, print_message, print_result, require_new, run
 from research.figures import Point, draw_errors
+from research.provenance import provenance, write_measurements
 from research.sampler.consensus_study import consensus_study
 from research.sampler.measurements import SamplerMeasurement, table
 from research.sampler.solver_study import GUIDANCE, STEPS, WIDTHS, solver_study

@@ -15,7 +15,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.bench.timing import timed
+from gsedit.bench.renderer.speed import timed
 from gsedit.diffusion.sampler import sample
 from gsedit.diffusion.schedules import NoiseLevel, Schedule, karras_sigmas
 from gsedit.diffusion.settings import SamplerSettings, Solver

@@ -6,30 +6,16 @@ to which every pixel contributes.
 
 from __future__ import annotations
 
-import hashlib
-import inspect
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.storage.atomic import atomic_path
-from rasterizer import (
-    Camera,
-    Execution,
-    Gaussians,
-    Numerics,
-    harmonics,
-    numerics,
-    project,
-    reference,
-    render,
-)
-from rasterizer.numerics import AUTO, DEFAULT
+from rasterizer import Camera, Gaussians
 from rasterizer.project import Box
+from rasterizer.reference import render_reference
 
 FIELDS = ("means", "quats", "log_scales", "logit_opacities", "sh")
 POSE = "pose"
@@ -50,20 +36,9 @@ class Errors:
     """Absolute errors of colors over all pixels and channels, and errors of gradients."""
 
     mean: float
-    tail: float
-    """99.9 % are at most this."""
     largest: float
     gradient: float | None = None
     """Relative error of the worst input: |difference| / |reference|."""
-    cosine: float | None = None
-    """Cosine between the gradient of the worst input and the reference's."""
-
-
-def draw_color(
-    scene: Gaussians, camera: Camera, *, numerics: Numerics = DEFAULT, execution: Execution = AUTO
-) -> Float[Tensor, "h w 3"]:
-    """Render the colors alone. A `functools.partial` of it can be sent to a `Worker`."""
-    return render(scene, camera, numerics=numerics, execution=execution).color
 
 
 def differentiate(draw: Draw, scene: Gaussians, camera: Camera, *, pose: bool = False) -> Drawn:
@@ -92,26 +67,14 @@ def with_pose(drawn: Drawn, draw: Draw, scene: Gaussians, camera: Camera) -> Dra
     return replace(drawn, gradients={**drawn.gradients, POSE: second.gradients[POSE]})
 
 
-def picture_errors(
-    picture: Float[Tensor, "h w 3"], expected: Float[Tensor, "h w 3"]
-) -> tuple[float, float, float]:
-    """Mean, 99.9 % (nearest rank) and largest error of a color."""
-    error = (picture.double() - expected.double()).abs().flatten()
-    tail = error.kthvalue(max(1, round(0.999 * len(error)))).values
-    return float(error.mean()), float(tail), float(error.max())
-
-
 def errors(drawn: Drawn, expected: Drawn) -> Errors:
     """Errors of a picture, and of the gradients that `drawn` has."""
-    mean, tail, largest = picture_errors(drawn.picture, expected.picture)
-    pairs = [
-        (gradient.double(), expected.gradients[name].double())
+    error = (drawn.picture.double() - expected.picture.double()).abs()
+    gradients = (
+        relative(gradient.double(), expected.gradients[name].double())
         for name, gradient in drawn.gradients.items()
-    ]
-    if not pairs:
-        return Errors(mean, tail, largest)
-    worst = max(relative(a, b) for a, b in pairs)
-    return Errors(mean, tail, largest, worst, min(cosine(a, b) for a, b in pairs))
+    )
+    return Errors(float(error.mean()), float(error.max()), max(gradients, default=None))
 
 
 def relative(value: Float[Tensor, "..."], expected: Float[Tensor, "..."]) -> float:
@@ -120,44 +83,13 @@ def relative(value: Float[Tensor, "..."], expected: Float[Tensor, "..."]) -> flo
     return float((value - expected).norm()) / (scale or 1.0)
 
 
-def cosine(value: Float[Tensor, "..."], expected: Float[Tensor, "..."]) -> float:
-    """Cosine of the angle between two gradients; 1 where both are zero, 0 where one is."""
-    lengths = float(value.norm()), float(expected.norm())
-    if 0.0 in lengths:
-        return float(lengths == (0.0, 0.0))
-    return min(1.0, float((value.flatten() / lengths[0]) @ (expected.flatten() / lengths[1])))
-
-
-def reference_of(
-    scene: Gaussians, camera: Camera, cache: Path | None = None, crop: Box | None = None
-) -> Drawn:
-    """Picture and gradients of the float64 reference; slow, so kept in the folder `cache`.
-
-    A file's name is a hash of the scene, the camera and the reference's code, so it is never stale.
-    """
-    path = None if cache is None else cache / f"{_fingerprint(scene, camera, crop)}.pt"
-    if path is not None and path.is_file():
-        stored = torch.load(path, weights_only=True)
-        return Drawn(stored.pop("picture"), stored)
-    scene = scene.to(torch.float64)
+def reference_of(scene: Gaussians, camera: Camera, crop: Box | None = None) -> Drawn:
+    """Picture, or a crop of it, and gradients of the float64 reference, which is slow."""
     left, top, width, height = crop or (0, 0, camera.width, camera.height)
     here = slice(top, top + height), slice(left, left + width)
-    drawn = differentiate(
-        lambda s, c: reference.render_reference(s, c).color[here], scene, camera, pose=True
+    return differentiate(
+        lambda s, c: render_reference(s, c).color[here],
+        scene.to(torch.float64),
+        camera,
+        pose=True,
     )
-    if path is not None:
-        with atomic_path(path, overwrite=True) as temporary:
-            torch.save({"picture": drawn.picture, **drawn.gradients}, temporary)
-    return drawn
-
-
-def _fingerprint(scene: Gaussians, camera: Camera, crop: Box | None) -> str:
-    parts = hashlib.sha256()
-    for module in (reference, project, harmonics, numerics):
-        parts.update(inspect.getsource(module).encode())
-    for tensor in (*(getattr(scene, f) for f in FIELDS), camera.world_to_camera):
-        parts.update(str((tensor.dtype, tensor.shape)).encode())
-        parts.update(tensor.detach().contiguous().numpy().tobytes())
-    numbers = (camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height)
-    parts.update(repr((*numbers, crop)).encode())
-    return parts.hexdigest()[:16]

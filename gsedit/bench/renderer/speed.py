@@ -6,10 +6,13 @@ machine slows all of them; a ratio holds on any maker's processor.
 
 from __future__ import annotations
 
+import statistics
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import inf
 from pathlib import Path
-from typing import NamedTuple, cast
+from typing import Any, NamedTuple, TypeVar, cast
 
 import numpy as np
 import torch
@@ -19,13 +22,11 @@ from torch import Tensor
 from gsedit.bench.renderer.accuracy import (
     FIELDS,
     Draw,
-    Errors,
     differentiate,
     errors,
     reference_of,
 )
 from gsedit.bench.results import commit, machine, markdown_table
-from gsedit.bench.timing import timed, timed_together
 from gsedit.errors import InputError
 from gsedit.fitting.photometric import photometric
 from gsedit.runs.events import Event
@@ -184,12 +185,6 @@ class Case:
         execution = Execution(kernel=kernel)
         return lambda s, c: render(s, c, crop=self.box, execution=execution).color
 
-    def errors(self, kernel: Kernel, cache: Path | None) -> Errors:
-        """Measure the errors of a kernel against the float64 reference."""
-        scene, camera = self.workload.scene, self.workload.camera
-        exact = reference_of(scene, camera, cache, self.box)
-        return errors(differentiate(self.drawing(kernel), scene, camera), exact)
-
 
 @dataclass(frozen=True)
 class Speed:
@@ -223,7 +218,6 @@ def kernels() -> tuple[Kernel, ...]:
 
 def measure_targets(
     points: Path | None,
-    cache: Path | None = None,
     *,
     quick: bool = False,
     training: TrainingStep = TRAINING,
@@ -238,7 +232,7 @@ def measure_targets(
     found = cases(points, QUICK_SHRINK if quick else 1, training)
     for step, case in enumerate(found):
         yield Event("targets", stopwatch.seconds, step, len(found), note=case.name)
-        yield from measure_case(case, QUICK_RUNS if quick else RUNS, cache)
+        yield from measure_case(case, QUICK_RUNS if quick else RUNS)
     yield Event("targets", stopwatch.seconds, len(found), len(found))
 
 
@@ -279,17 +273,66 @@ def photometric_loss(photo: Float[Tensor, "h w 3"]) -> Loss:
     return lambda picture: photometric(picture, photo, DSSIM_WEIGHT, compiled=True)
 
 
-def measure_case(case: Case, runs: int, cache: Path | None) -> Iterator[Speed]:
+def measure_case(case: Case, runs: int) -> Iterator[Speed]:
     """Both kernels against the reference implementation."""
     ours, _ = timed_together({kernel: case.own_job(kernel) for kernel in kernels()}, runs)
     theirs, _ = timed(case.reference_job(), runs, REFERENCE_SECONDS)
+    scene, camera = case.workload.scene, case.workload.camera
+    exact = reference_of(scene, camera, case.box)
     for kernel in kernels():
-        own, wrong = ours[kernel], case.errors(kernel, cache)
+        own = ours[kernel]
+        wrong = errors(differentiate(case.drawing(kernel), scene, camera), exact)
         goal = GOALS.get(case.name, {}).get(kernel)
         yield Speed(
             case.name, kernel, own.wall, theirs.wall / own.wall, theirs.cpu / own.cpu, goal,
             wrong.mean, wrong.gradient,
         )  # fmt: skip
+
+
+Name = TypeVar("Name", str, int)
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Medians of some runs, seconds."""
+
+    wall: float
+    cpu: float
+    """Processor time of all threads together."""
+
+
+def timed(work: Callable[[], Any], runs: int, budget: float = inf) -> tuple[Timing, Any]:
+    """Medians of a piece of work, and the result of its last run; see `timed_together`."""
+    timings, results = timed_together({"": work}, runs, budget)
+    return timings[""], results[""]
+
+
+def timed_together(
+    works: Mapping[Name, Callable[[], Any]], runs: int, budget: float = inf
+) -> tuple[dict[Name, Timing], dict[Name, Any]]:
+    """Medians after a warm-up, and results of the last runs, of works that take turns.
+
+    No run begins once `budget` seconds are spent. Where the warm-up alone spends them, it is the
+    one run that counts: slow work is not run twice.
+    """
+    began = time.perf_counter()
+    samples: dict[Name, list[tuple[float, float]]] = {name: [] for name in works}
+    results: dict[Name, Any] = {}
+    for turn in range(runs + 1):
+        if turn and time.perf_counter() - began > budget:
+            break
+        for name, work in works.items():
+            results.pop(name, None)  # memory of the run before must not weigh on this one
+            wall, cpu = time.perf_counter(), time.process_time()
+            results[name] = work()
+            samples[name].append((time.perf_counter() - wall, time.process_time() - cpu))
+    return {name: _medians(taken) for name, taken in samples.items()}, results
+
+
+def _medians(samples: list[tuple[float, float]]) -> Timing:
+    counted = samples[1:] or samples
+    wall, cpu = (statistics.median(column) for column in zip(*counted))
+    return Timing(wall, cpu)
 
 
 def table(rows: Sequence[Speed]) -> str:

@@ -18,8 +18,9 @@ from torch import Tensor
 
 from gsedit.bench.renderer.accuracy import Draw, Drawn, differentiate, errors, with_pose
 from gsedit.bench.renderer.edge_cases import EDGE_CASES, EdgeCase, RenderInput
-from gsedit.bench.results import markdown_table, write_measurements, write_text
+from gsedit.bench.results import markdown_table, write_text
 from gsedit.runs.events import Event
+from gsedit.runs.json_lines import Journal
 from gsedit.runs.stopwatch import Stopwatch
 from rasterizer.numerics import AUTO, Execution, Numerics
 from rasterizer.reference import render_reference
@@ -58,20 +59,15 @@ class EdgeCaseMeasurement:
 
 
 def stability_to_folder(folder: Path, *, quick: bool) -> Iterator[Event | EdgeCaseMeasurement]:
-    """All edge cases, written to a folder: ROWS_FILE meanwhile, then TABLE_FILE."""
-    rows: list[EdgeCaseMeasurement] = []
-    items = _with_events(measurements(quick=quick))
-    yield from write_measurements(items, folder / ROWS_FILE, rows)
-    write_text(folder / TABLE_FILE, table(rows) + "\n")
-
-
-def _with_events(
-    rows: Iterator[EdgeCaseMeasurement],
-) -> Iterator[Event | EdgeCaseMeasurement]:
+    """All edge cases, written to a folder: ROWS_FILE meanwhile, so that an interruption loses none,
+    then TABLE_FILE."""
+    journal: Journal[EdgeCaseMeasurement] = Journal(folder / ROWS_FILE)
     stopwatch = Stopwatch()
-    for count, row in enumerate(rows, start=1):
+    for row in measurements(quick=quick):
+        journal.write(row)
         yield row
-        yield Event("stability", stopwatch.seconds, count, note=row.name)
+        yield Event("stability", stopwatch.seconds, len(journal.records), note=row.name)
+    write_text(folder / TABLE_FILE, table(journal.records) + "\n")
 
 
 def measurements(quick: bool = False) -> Iterator[EdgeCaseMeasurement]:

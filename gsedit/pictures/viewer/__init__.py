@@ -1,1 +1,1 @@
-"""Scenes as point clouds of pyvista and Open3D, and a preview of their centers."""
+"""Scenes in the browser, and as point clouds of pyvista and Open3D."""

@@ -23,7 +23,7 @@ from torch import Tensor
 
 from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.errors import UsageError
-from gsedit.pictures.viewer.frustums import frustum_length
+from gsedit.pictures.viewer.drawing import frustum_length
 from gsedit.pictures.viewer.libraries import guarded, import_viser
 from gsedit.pictures.viewer.point_clouds import splat_colors
 from gsedit.scene.framing import bounds

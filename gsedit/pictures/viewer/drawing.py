@@ -1,25 +1,28 @@
-"""Points, ellipsoids, cameras and color bars in a plotter of pyvista. `n` Gaussians."""
+"""A scene as points, ellipsoids, cameras and color bars (pyvista): a window, or a picture drawn off
+screen. `n` Gaussians."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from difflib import get_close_matches
+from pathlib import Path
 from textwrap import wrap
 from typing import Any
 
 import numpy as np
 import torch
 from jaxtyping import Bool, Float, UInt8
+from PIL import Image
 from torch import Tensor
 
 from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.errors import UsageError
-from gsedit.formats.pictures import eight_bits
-from gsedit.pictures.viewer.frustums import EDGES, frustum, frustum_length
-from gsedit.pictures.viewer.libraries import import_pyvista
-from gsedit.pictures.viewer.point_clouds import splat_colors
+from gsedit.formats.pictures import eight_bits, save_picture
+from gsedit.pictures.viewer.libraries import check_drawing, check_screen, import_pyvista
+from gsedit.pictures.viewer.point_clouds import solid, splat_colors
 from gsedit.runs.environment import load_extra
+from gsedit.scene.framing import bounds, framing_camera, guess_up
 from gsedit.scene.table import table_of
 from gsedit.select.region import TINT, TINT_STRENGTH
 from gsedit.select.rules import NAMED
@@ -292,12 +295,17 @@ def _add_surroundings(plotter: Any, scene: Gaussians, around: Surroundings) -> N
         plotter.add_points(cloud, color=SPARSE_COLOR, point_size=2.0)
     if not around.cameras:
         return
-    length = frustum_length(around.cameras, scene)
-    corners = np.concatenate([frustum(v.camera, length) for v in around.cameras])
-    lines = np.array(EDGES)[None] + 5 * np.arange(len(around.cameras))[:, None, None]
-    lines = lines.reshape(-1, 2)
-    mesh = pyvista.PolyData(corners, lines=np.hstack((np.full((len(lines), 1), 2), lines)).ravel())
+    cameras = [each.camera for each in around.cameras]
+    mesh = pyramids(cameras, frustum_length(around.cameras, scene))
     plotter.add_mesh(mesh, color=CAMERA_COLOR, line_width=1.5)
+
+
+def pyramids(cameras: Sequence[Camera], length: float) -> Any:
+    """Lines of pyvista: a pyramid a camera, each of len(EDGES) lines."""
+    corners = np.concatenate([frustum(camera, length) for camera in cameras])
+    lines = np.array(EDGES)[None] + 5 * np.arange(len(cameras))[:, None, None]
+    lines = np.insert(lines.reshape(-1, 2), 0, 2, axis=1)
+    return import_pyvista().PolyData(corners, lines=lines.ravel())
 
 
 def _add_bar(plotter: Any, mapper: Any, shown: Attribute, look: Look) -> None:
@@ -309,3 +317,142 @@ def _add_bar(plotter: Any, mapper: Any, shown: Attribute, look: Look) -> None:
         title_font_size=14, label_font_size=12, width=0.8, height=(50 + 20 * len(title)) / height,
         position_x=0.1, position_y=8 / height, vertical=False, background_color="white", fill=True,
     )  # fmt: skip
+
+
+SHARE = 0.06
+"""Length of a pyramid in the extent of the cameras, or of the scene where there is one camera."""
+EDGES = ((0, 1), (0, 2), (0, 3), (0, 4), (1, 2), (2, 3), (3, 4), (4, 1))
+"""Edges of a pyramid: its tip is corner 0, the corners of its picture are 1 to 4."""
+
+
+def frustum_length(viewpoints: Sequence[Viewpoint], scene: Gaussians) -> float:
+    """The length of the pyramids along their views, world units."""
+    centers = torch.stack([v.camera.center.detach() for v in viewpoints])
+    extent = float((centers - centers.mean(0)).norm(dim=1).max())
+    return SHARE * (extent or bounds(scene).radius)
+
+
+def frustum(camera: Camera, length: float) -> Float[np.ndarray, "5 3"]:
+    """The camera's center and the corners of its picture at `length` along the view, in the
+    world."""
+    w, h = camera.width, camera.height
+    corners = torch.tensor([[0, 0], [w, 0], [w, h], [0, h]], dtype=torch.float64)
+    depth = torch.full((4,), length, dtype=torch.float64)
+    far = camera.unproject(corners, depth).detach()
+    return torch.cat((camera.center.detach().double()[None], far)).numpy()
+
+
+def upward(viewpoints: Sequence[Viewpoint]) -> Float[torch.Tensor, "3"]:
+    """The mean upward direction of the cameras, as people hold them; unit length, float64."""
+    ups = torch.stack([-v.camera.rotation[1].detach().double() for v in viewpoints])
+    return torch.nn.functional.normalize(ups.mean(0), dim=0)
+
+
+def outside_camera(
+    scene: Gaussians, viewpoints: Sequence[Viewpoint], size: tuple[int, int]
+) -> Camera:
+    """A camera that shows the bulk of the scene and all cameras, from above; `size` is (width,
+    height)."""
+    up = upward(viewpoints)
+    centers = torch.stack([v.camera.center.detach().double() for v in viewpoints])
+    first = framing_camera(scene, up=up, size=size)
+    middle = torch.tensor(bounds(scene).center, dtype=torch.float64)
+    direction = first.center - middle
+    direction = direction + 0.4 * direction.norm() * up  # a ring of cameras is seen from above it
+    for step in range(40):  # 1.1^40 = 45 times as far
+        camera = framing_camera(
+            scene, up=up, eye=middle + direction * 1.1**step, target=middle, size=size
+        )
+        xy, depth = camera.project(centers)
+        inside = (xy >= 0) & (xy <= torch.tensor(size))
+        if bool(inside.all()) and bool((depth > 0).all()):
+            return camera
+    return first
+
+
+NO_SURROUNDINGS, LOOK = Surroundings(), Look()
+SIZE_PIXELS = (960, 720)
+
+
+def draw(
+    panels: Sequence[Panel], camera: Camera, look: Look, around: Surroundings = NO_SURROUNDINGS
+) -> Image.Image:
+    """The panels side by side, drawn off screen.
+
+    Raises GseditError where pyvista or OpenGL is missing, UsageError as `make_plotter` does.
+    """
+    check_drawing()
+    plotter = make_plotter(panels, camera, look, around, off_screen=True)
+    try:
+        return Image.fromarray(np.asarray(plotter.screenshot(return_img=True))[..., :3])
+    finally:
+        plotter.close()
+
+
+def preview(
+    scene: Gaussians,
+    path: Path | str | None = None,
+    *,
+    after: Gaussians | None = None,
+    look: Look = LOOK,
+    selection: Bool[Tensor, " n"] | None = None,
+    around: Surroundings = NO_SURROUNDINGS,
+    camera: Camera | None = None,
+    size: tuple[int, int] = SIZE_PIXELS,
+    min_opacity: float = 0.1,
+    titles: tuple[str, str] = ("before", "after"),
+    extra: Mapping[str, np.ndarray] | None = None,
+    after_extra: Mapping[str, np.ndarray] | None = None,
+    overwrite: bool = False,
+) -> None:
+    """Show the scene as a point cloud: into a PNG at `path`, or in a window without `path`.
+
+    With `after`, that scene beside it under the `titles`, from the same camera. Gaussians fainter
+    than `min_opacity` are left out. Without a camera one is chosen by `framing_camera`, or one that
+    shows the cameras of `around` too; `size` is (width, height) of one scene's picture. `extra` and
+    `after_extra` hold further columns of the two scenes to color by.
+
+    Raises UsageError where nothing is left, an attribute is unknown, the selection does not fit,
+    there are too many ellipsoids, or there is no screen for a window; GseditError where pyvista or
+    OpenGL is missing.
+    """
+    extras = extra or {}, after_extra or {}
+    panels = shown_panels(scene, after, look, selection, titles, extras, min_opacity)
+    shown = panels[0].scene
+    if camera is None and around.cameras:
+        camera = outside_camera(shown, around.cameras, size)
+    elif camera is None:
+        camera = framing_camera(shown, up=guess_up(scene), size=size)
+    if path is not None:
+        save_picture(draw(panels, camera, look, around), path, overwrite=overwrite)
+        return
+    check_screen()
+    check_drawing()
+    make_plotter(panels, camera, look, around, off_screen=False).show()
+
+
+def shown_panels(
+    scene: Gaussians,
+    after: Gaussians | None,
+    look: Look,
+    selection: Bool[Tensor, " n"] | None,
+    titles: tuple[str, str],
+    extras: tuple[Mapping[str, np.ndarray], Mapping[str, np.ndarray]],
+    min_opacity: float,
+) -> list[Panel]:
+    """The one or two scenes without what is fainter than `min_opacity`. A selection holds for the
+    second scene too where that has as many Gaussians; else nothing of that is selected.
+    """
+    if selection is not None and len(selection) != len(scene):
+        raise UsageError(
+            f"the selection has {len(selection)} flags and the scene {len(scene)} Gaussians: it "
+            "belongs to another scene"
+        )
+    if look.color_by == "selection" and selection is None:
+        raise UsageError("there is no selection to color by: give --selection FLAGS.npy")
+    panels = [Panel(scene, titles[0] if after is not None else "", selection, extras[0])]
+    if after is not None:
+        if selection is not None and len(after) != len(scene):
+            selection = torch.zeros(len(after), dtype=torch.bool)
+        panels.append(Panel(after, titles[1], selection, extras[1]))
+    return [panel[solid(panel.scene, min_opacity)] for panel in panels]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import torch
@@ -54,11 +53,6 @@ def to_open3d(scene: Gaussians | SplatTable) -> Any:
     }
     if not fields["f_rest"].numel():
         del fields["f_rest"]
-    return open3d_cloud(open3d, fields)
-
-
-def open3d_cloud(open3d: Any, fields: Mapping[str, Tensor]) -> Any:
-    """An `open3d.t.geometry.PointCloud` with these attributes, float32."""
     cloud = open3d.t.geometry.PointCloud()
     for name, field in fields.items():
         values = field.detach().float().contiguous().cpu().numpy()

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import pytest
 import torch
+from command_line import read_events
 
 import gsedit
 from gsedit import Dataset
@@ -18,7 +19,6 @@ from gsedit.fitting.settings import UpdateSettings
 from gsedit.paper.evidence import HeldOutViews
 from gsedit.paper.skips import DECISIONS
 from gsedit.paper.strategies.single_pass import SinglePass
-from gsedit.runs.journal import read_events
 from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
 
 FILES = {

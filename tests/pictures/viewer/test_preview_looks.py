@@ -11,7 +11,7 @@ from point_clouds import ball, cloud
 from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.errors import GseditError, UsageError
 from gsedit.formats.scenes import save
-from gsedit.pictures.viewer import drawing, frustums, preview
+from gsedit.pictures.viewer import drawing
 from gsedit.pictures.viewer.drawing import Look, Panel, Surroundings
 from gsedit.select.region import TINT
 from rasterizer import Camera, concatenate, look_at
@@ -23,9 +23,9 @@ def ahead(width: int = 64, height: int = 48) -> Camera:
     return Camera(pose, 60.0, 60.0, width / 2, height / 2, width, height)
 
 
-def drawn(panels, camera, look=None, around=preview.NO_SURROUNDINGS) -> np.ndarray:
+def drawn(panels, camera, look=None, around=drawing.NO_SURROUNDINGS) -> np.ndarray:
     try:
-        picture = preview.draw(panels, camera, look or Look(), around)
+        picture = drawing.draw(panels, camera, look or Look(), around)
     except UsageError:
         raise
     except GseditError as error:
@@ -141,11 +141,11 @@ def test_cameras_are_where_they_are_and_all_in_the_picture():
         Viewpoint(str(i), look_at(eye, target, up, 40.0, 64, 48)) for i, eye in enumerate(eyes)
     )
     scene = ball()
-    length = frustums.frustum_length(ring, scene)
-    corners = frustums.frustum(ring[0].camera, length)
+    length = drawing.frustum_length(ring, scene)
+    corners = drawing.frustum(ring[0].camera, length)
     assert np.allclose(corners[0], [4, 0, 0])
     assert np.allclose(corners[1:].mean(0), [4 - length, 0, 0])
-    camera = frustums.outside_camera(scene, ring, (64, 48))
+    camera = drawing.outside_camera(scene, ring, (64, 48))
     xy, depth = camera.project(eyes.double())
     assert (depth > 0).all()
     assert ((xy > 0) & (xy < torch.tensor([64, 48]))).all()
@@ -168,7 +168,7 @@ def test_cameras_are_where_they_are_and_all_in_the_picture():
 )
 def test_requests_that_cannot_be_drawn_are_one_line(words, message, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(preview, "check_drawing", lambda: None)
+    monkeypatch.setattr(drawing, "check_drawing", lambda: None)
     save(ball(), "a.ply")
     np.save("flags.npy", np.ones(3, dtype=bool))
     result = gsedit("view", "a.ply", "-o", "a.png", *words)
@@ -182,7 +182,7 @@ def test_both_scenes_keep_their_columns_and_a_selection_is_of_its_own_scene():
     """A second scene of another length has nothing selected: it is not drawn as ellipsoids."""
     extras = {"label": np.arange(200)}, {"label": np.arange(150)}
     flags = torch.arange(200) < 5
-    panels = preview.shown_panels(
+    panels = drawing.shown_panels(
         ball(), ball(150), Look(ellipsoids=True), flags, ("a", "b"), extras, 0.1
     )
     assert [int(panel.selection.sum()) for panel in panels if panel.selection is not None] == [5, 0]

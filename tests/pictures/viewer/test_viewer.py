@@ -12,7 +12,7 @@ from point_clouds import ball, cloud
 
 from gsedit.errors import GseditError, UsageError
 from gsedit.formats.scenes import load
-from gsedit.pictures.viewer import libraries, point_clouds, preview
+from gsedit.pictures.viewer import drawing, libraries, point_clouds
 from gsedit.pictures.viewer.drawing import Look, Panel
 from rasterizer import Camera
 
@@ -21,13 +21,13 @@ BLOCKED = "import sys; sys.modules.update(open3d=None, pyvista=None, vtk=None)\n
 
 def test_a_scene_with_nothing_to_show_is_refused():
     with pytest.raises(UsageError, match="opacity"):
-        preview.preview(ball(), min_opacity=0.99)
+        drawing.preview(ball(), min_opacity=0.99)
 
 
 def test_a_window_needs_a_screen(monkeypatch):
     monkeypatch.setattr(libraries, "has_screen", lambda: False)
     with pytest.raises(UsageError, match=r"-o picture\.png"):
-        preview.preview(ball())
+        drawing.preview(ball())
 
 
 def test_pyvista_points_are_where_the_camera_says():
@@ -38,7 +38,7 @@ def test_pyvista_points_are_where_the_camera_says():
     camera = Camera(pose, 60.0, 60.0, 20.0, 30.0, width, height)  # principal point off center
     scene = cloud(torch.tensor([[0.4, -0.6, 0.2]]), color=(1.0, 0.0, 0.0))
     try:
-        picture = np.asarray(preview.draw([Panel(scene)], camera, Look(point_size=3.0))).astype(int)
+        picture = np.asarray(drawing.draw([Panel(scene)], camera, Look(point_size=3.0))).astype(int)
     except GseditError as error:
         pytest.skip(f"no OpenGL here: {error}")
     y, x = np.nonzero(picture[..., 0] - picture[..., 1] > 128)
