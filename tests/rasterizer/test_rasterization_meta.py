@@ -9,7 +9,7 @@ from closeness import leaves, relative
 from gsplat_call import cloud, gsplat_arguments, loss_of
 from scenes import camera, gaussian
 
-from rasterizer import Camera, gsplat_meta, rasterization
+from rasterizer import Camera, rasterization
 from rasterizer.reference import render_reference
 
 
@@ -74,21 +74,3 @@ def test_what_is_not_drawn_has_radius_zero():
     clip = float(meta["radii"][0, 3].max())
     _, _, clipped = rasterization(**joined, far_plane=100.0, radius_clip=clip)
     assert (clipped["radii"][0] > 0).all(-1).tolist() == [False, False, True, *[False] * 4]
-
-
-def test_numbers_are_computed_when_they_are_read(monkeypatch):
-    """Once, and with the gradients that the call had."""
-    read = []
-    radii = gsplat_meta.footprint_radii
-    monkeypatch.setattr(gsplat_meta, "footprint_radii", lambda *a: read.append(1) or radii(*a))
-    scene = leaves(cloud())
-    _, _, meta = rasterization(**gsplat_arguments(scene, camera()))
-    assert not read
-    with torch.no_grad():
-        assert meta["radii"] is meta["radii"]
-        depths = meta["depths"]
-    assert len(read) == 1
-    depths.sum().backward()
-    assert scene.means.grad.any()
-    assert {**meta}.keys() == meta.keys()
-    assert all(value is None or not callable(value) for value in meta.values())
