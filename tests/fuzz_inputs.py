@@ -54,7 +54,7 @@ from gsedit.toolkit.similarity_files import read_similarity, write_similarity
 BYTES_MOST = 256 << 20
 """Python's memory for one of these inputs: they are a few kB."""
 SCENE_BYTES_MOST = 128 << 20
-"""The same for a scene: blocks, pictures and decoders beside its few rows."""
+"""Python's memory for a scene: blocks, pictures and decoders beside its few rows."""
 TABLE = near_grey(24, 1)
 
 

@@ -10,7 +10,6 @@ from point_clouds import ball
 
 from gsedit import Checkpoint, Event, FitSettings, fit, fit_steps
 from gsedit.errors import UsageError
-from gsedit.fitting import initial
 from gsedit.fitting.budget import LEAST_STEPS
 from gsedit.fitting.densify import densify, faded
 from gsedit.fitting.fit import evaluate
@@ -73,26 +72,6 @@ def test_a_budget_that_the_photos_use_up_still_makes_a_few_steps():
     assert (result.scene.sh - start.sh).abs().max() > 1e-3  # the rates are the budget's last
     *_, result = fit_steps(data, replace(settings, steps=3), generator=generator())
     assert result.steps == 3
-
-
-def test_the_sweep_takes_no_more_than_its_share_of_the_budget(monkeypatch):
-    now, swept = 0.0, []
-
-    def slow_sweep(view, *rest):
-        nonlocal now
-        now += 1.0
-        swept.append(view.name)
-        return sweep_one(view, *rest)
-
-    sweep_one = initial._sweep
-    monkeypatch.setattr(initial, "_sweep", slow_sweep)
-    settings = FitSettings(steps=2, seconds=12.0, dense_start=500, coarse=())
-    data = photos(16, 32)
-    *_, result = fit_steps(data, settings, generator=generator(), clock=lambda: now)
-    assert result.steps == 2
-    assert len(swept) == 4  # 3 s are not more than a quarter
-    rows = sorted(int("".join(filter(str.isdigit, name))) for name in swept)
-    assert rows[-1] - rows[0] >= 8  # spread over all photos
 
 
 def test_a_fit_without_budget_or_photos_is_refused():
@@ -167,17 +146,6 @@ def test_two_halves_have_the_mass_the_mean_and_the_covariance_of_the_whole():
         torch.testing.assert_close(together, whole, rtol=1e-4, atol=1e-6)
 
 
-def test_densify_stops_at_the_limit_the_target_and_the_share():
-    pull = torch.rand(100, generator=generator())
-    for settings, target, number in (
-        (FitSettings(max_gaussians=103, densify_fraction=0.5), 200, 103),
-        (FitSettings(densify_fraction=0.5), 120, 120),
-        (FitSettings(densify_fraction=0.07), 120, 107),
-        (FitSettings(), 50, 100),
-    ):
-        assert len(densify(ball(100), pull, settings, target).scene) == number
-
-
 def test_unseen_gaussians_never_move():
     data = photos(3, 24)
     scene = initial_scene(data, 1, generator())
@@ -213,23 +181,3 @@ def test_replacing_the_scene_keeps_the_moments_of_the_rows_that_stay():
     pull(two)
     assert torch.allclose(one.scene.means[order[:2]], two.scene.means[:2])
     assert not torch.allclose(one.scene.means[5], two.scene.means[2])
-
-
-def test_densify_lowers_opacities_by_the_decay_and_by_half_at_most():
-    opacities = torch.tensor([0.003, 0.006, 0.02, 0.5, 1.0])
-    scene = replace(ball(5), logit_opacities=torch.logit(opacities))
-    lower = torch.tensor([0.0015, 0.003, 0.016, 0.496, 0.996])
-    assert torch.allclose(faded(scene, 0.004).opacities, lower, atol=1e-6)
-    grown, origin, _ = densify(scene, torch.zeros(5), FitSettings(opacity_decay=0.004), 5)
-    assert origin.tolist() == [2, 3, 4]
-    assert torch.allclose(grown.opacities, lower[2:], atol=1e-6)
-    kept = densify(scene, torch.zeros(5), FitSettings(opacity_decay=0.0), 5).scene
-    assert torch.equal(kept.logit_opacities, scene.logit_opacities[1:])
-    full = replace(scene, logit_opacities=torch.full((5,), 20.0))
-    assert faded(full, 1e-9).logit_opacities.isfinite().all()
-
-
-def test_a_fading_scene_keeps_its_most_opaque():
-    scene = replace(ball(20), logit_opacities=torch.linspace(-20, -10, 20))
-    kept, _, _ = densify(scene, torch.zeros(20), FitSettings(), 20)
-    assert len(kept) > 0

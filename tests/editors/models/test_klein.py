@@ -11,8 +11,6 @@ from torch.nn.functional import pixel_unshuffle
 
 from gsedit.diffusion.guidance import Need
 from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editor_protocol import for_settings
-from gsedit.errors import UsageError
 from gsedit.models.klein import packed
 from gsedit.models.loading import load_model
 
@@ -89,21 +87,3 @@ def test_encode_and_decode_equal_the_pipelines(both):
     latents = theirs * (variance + pipe.vae.config.batch_norm_eps).sqrt() + mean
     expected = pipe.vae.decode(pipe._unpatchify_latents(latents)).sample
     assert_near(model.decode(ours), expected.movedim(1, -1) / 2 + 0.5, NETWORK)
-
-
-def test_a_long_instruction_is_refused(both):
-    _, model = both
-    model.check("make " * 15)
-    with pytest.raises(UsageError, match="longer than this model reads"):
-        model.check("make " * 30)
-
-
-def test_guidance_of_a_distilled_model_is_refused(both):
-    _, model = both
-    if not model.distilled:
-        return
-    with pytest.raises(UsageError, match="distilled"):
-        for_settings(model, SamplerSettings(guidance_text=4.0))
-    condition = model.condition(views(1, 16, 24), model_laws.PROMPT, torch.Generator())
-    with pytest.raises(UsageError, match="distilled"):
-        model.branches(noise(1), 500.0, condition, Need())
