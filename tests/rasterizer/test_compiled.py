@@ -11,7 +11,7 @@ from dataclasses import replace
 import pytest
 import torch
 from closeness import leaves, relative, tensors, weights_like
-from scenes import EDGE_CASES, cloud
+from scenes import cloud
 
 from gsedit.fitting import lazy_adam
 from rasterizer import Execution, Numerics, render, tiles
@@ -45,22 +45,6 @@ def gradients(scene, camera, execution, numerics=WHOLE_SUM):
     loss = (drawn.color * weights_like(drawn.color)).sum()
     loss = loss + (drawn.alpha * weights_like(drawn.alpha, 1)).sum()
     return drawn, torch.autograd.grad(loss, tensors(inputs))
-
-
-@pytest.mark.parametrize("name", EDGE_CASES)
-def test_it_draws_what_torch_draws(name, kernel):
-    scene, camera = EDGE_CASES[name]()
-    wanted, exact = gradients(scene, camera, TORCH)
-    found, close = gradients(scene, camera, COMPILED)
-    # float64: both sum the same terms in another order; offsets of 1e3 sigma are squared on needles
-    assert (found.color - wanted.color).abs().max() < 1e-12
-    assert (found.alpha - wanted.alpha).abs().max() < 1e-12
-    assert found.median_depth is not None
-    assert wanted.median_depth is not None
-    assert (found.median_depth == wanted.median_depth).all()
-    largest = max((float(g.abs().max()) for g in exact if g.numel()), default=0.0)
-    for a, b in zip(close, exact):
-        assert (a - b).abs().sum() <= 1e-10 * max(largest, float(b.abs().sum()))
 
 
 @pytest.mark.parametrize("size", [1, 3, 8, 16, 40])

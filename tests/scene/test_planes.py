@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from research.labelled import statue
+from labelled import statue
 
 from gsedit.scene.neighbors import extent_of
 from gsedit.scene.planes import find_support, refined_plane

@@ -6,7 +6,8 @@ import model_laws
 import pytest
 import torch
 from closeness import NETWORK, assert_near
-from tiny_flux import klein, picture, saved, trace, views
+from model_runs import as_files, noise, pictures
+from tiny_flux import klein, trace
 from torch.nn.functional import pixel_unshuffle
 
 from gsedit.diffusion.guidance import Need
@@ -26,28 +27,27 @@ def short():
         yield
 
 
-def noise(count: int = 2, rows: int = 8, columns: int = 12) -> torch.Tensor:
-    return torch.randn(count, 2, rows, columns, generator=torch.Generator().manual_seed(2))
-
-
 KINDS = {"distilled": {}, "guided": {"distilled": False}}
 
 
 @pytest.fixture(scope="module", params=KINDS)
 def both(request, tmp_path_factory):
     pipe = klein(**KINDS[request.param])
-    return pipe, load_model(saved(pipe, tmp_path_factory.mktemp("klein")))
+    folder = tmp_path_factory.mktemp("klein")
+    pipe.save_pretrained(folder)
+    return pipe, load_model(folder)
 
 
 @torch.no_grad()
 def test_every_step_equals_diffusers(both):
     pipe, model = both
-    pictures, start = views(2, 64, 72), noise(2, 32, 36)  # the pipeline takes 64 pixels or more
+    images = pictures(2, 64, 72)  # the pipeline takes 64 pixels or more
+    start = noise(model, images)
     expected = [
         trace(
             pipe,
             prompt=model_laws.PROMPT,
-            image=picture(view),
+            image=file,
             height=64,
             width=72,
             latents=pixel_unshuffle(x[None], 2),
@@ -55,10 +55,10 @@ def test_every_step_equals_diffusers(both):
             max_sequence_length=LENGTH,
             guidance_scale=4.0,
         )
-        for view, x in zip(pictures, start)
+        for file, x in zip(as_files(images), start)
     ]
     settings = SamplerSettings(steps=3, strength=1.0, consensus=False)
-    steps = list(model_laws.run(model, pictures, start, settings))
+    steps = list(model_laws.run(model, images, start, settings))
     assert len(steps) == 3
     for step, theirs in zip(steps, zip(*expected)):
         assert_near(packed(step.x), torch.cat(theirs), NETWORK)
@@ -68,18 +68,20 @@ def test_every_step_equals_diffusers(both):
 def test_laws(both):
     _, model = both
     need = Need(True, not model.distilled, not model.distilled)
-    model_laws.micro_batches_change_nothing(model, views(3, 16, 24), noise(3), need)
-    model_laws.views_do_not_mix(model, views(2, 16, 24), noise(), need)
-    model_laws.consensus_law_holds(model, views(2, 16, 24), noise())
+    images = pictures(3)
+    start = noise(model, images)
+    model_laws.micro_batches_change_nothing(model, images, start, need)
+    model_laws.views_do_not_mix(model, images[:2], start[:2], need)
+    model_laws.consensus_law_holds(model, images[:2], start[:2])
 
 
 @torch.no_grad()
 def test_encode_and_decode_equal_the_pipelines(both):
     pipe, model = both
-    pictures = views(2, 32, 36)
-    pixels = 2 * pictures.movedim(-1, 1) - 1
+    images = pictures(2, 32, 36)
+    pixels = 2 * images.movedim(-1, 1) - 1
     theirs = pipe._encode_vae_image(pixels, torch.Generator())
-    ours = model.encode(pictures)
+    ours = model.encode(images)
     assert_near(pixel_unshuffle(ours, 2), theirs, NETWORK)
     mean, variance = (
         each.view(1, -1, 1, 1) for each in (pipe.vae.bn.running_mean, pipe.vae.bn.running_var)
