@@ -24,7 +24,7 @@ class BadFile(NamedTuple):
     kind: str
     """ "scene" or "dataset": which reader it is for."""
     words: tuple[str, ...]
-    """Text that the one-line message must contain: the place and the next move."""
+    """Texts that the one-line message must contain."""
 
 
 def scene_table(rows: int = 5) -> np.ndarray:
@@ -150,170 +150,80 @@ def _empty_folder(tmp: Path) -> Path:
 _SHEAR = [[1, 0.1, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
 _WHOLE = ply_bytes(scene_table())
 
-_SCENES = [
-    BadFile("missing", lambda tmp: tmp / "scene.ply", "scene", ("No such file", "check the path")),
-    BadFile("empty", _scene_file(b""), "scene", ("0 bytes", "export it again")),
-    BadFile("folder", _empty_folder, "scene", ("is a folder", "name a file")),
-    BadFile(
-        "unknown_suffix", _scene_file(b"x", "scene.blend"), "scene", ("reads .ply", "name one")
-    ),
-    BadFile("no_ply", _scene_file(b"\x00" * 99), "scene", ("not a PLY", "check the path")),
-    BadFile("truncated", _scene_file(_WHOLE[:-7]), "scene", ("7 bytes more", "cut off")),
-    BadFile("cut_header", _scene_file(_WHOLE[:200]), "scene", ("end_header", "cut off")),
-    BadFile(
-        "promises_10^12",
-        _scene_file(ply_bytes(scene_table(), count=10**12)),
-        "scene",
-        ("1000000000000 rows", "copy or export it again"),
-    ),
-    BadFile(
-        "promises_10^12_ascii",
+_SCENES = {
+    "missing": (lambda tmp: tmp / "scene.ply", "No such file"),
+    "empty": (_scene_file(b""), "0 bytes"),
+    "folder": (_empty_folder, "is a folder"),
+    "unknown_suffix": (_scene_file(b"x", "scene.blend"), "reads .ply"),
+    "no_ply": (_scene_file(b"\x00" * 99), "not a PLY"),
+    "truncated": (_scene_file(_WHOLE[:-7]), "7 bytes more"),
+    "cut_header": (_scene_file(_WHOLE[:200]), "end_header"),
+    "promises_10^12": (_scene_file(ply_bytes(scene_table(), count=10**12)), "1000000000000 rows"),
+    "promises_10^12_ascii": (
         _scene_file(_ascii("").replace(b"vertex 2", b"vertex 1000000000000")),
-        "scene",
-        ("1000000000000 rows", "copy or export it again"),
+        "1000000000000 rows",
     ),
-    BadFile("no_rows", _scene_file(ply_bytes(scene_table(0))), "scene", ("no Gaussians", "again")),
-    BadFile(
-        "ascii_ends_early",
-        _scene_file(_ascii("1 " * 90 + "\n")),
-        "scene",
-        ("element vertex", "export it again"),
-    ),
-    BadFile("ascii_word", _scene_file(_ascii("word " * 60)), "scene", ("vertex", "again")),
-    BadFile("zero_quaternion", _scene_file(_zero_quaternion), "scene", ("row 2", "--drop-invalid")),
-    BadFile(
-        "f_rest_missing", _scene_file(_without(("f_rest_8",))), "scene", ("8 f_rest", "needs 9")
-    ),
-    BadFile(
-        "only_positions_and_rotations",
-        _scene_file(_without(PLY_COLUMNS[6:-4])),
-        "scene",
-        ("opacity, scale_0", "export it again"),
-    ),
-    BadFile("bad_obj", _scene_file(b"f 1 2 3", "scene.obj"), "scene", ("again",)),
-    BadFile("bad_stl", _scene_file(b"solid x", "scene.stl"), "scene", ("again",)),
-    BadFile(
-        "no_scales", _scene_file(_without(("scale_1", "scale_2"))), "scene", ("scale_1", "again")
-    ),
-    BadFile("bad_spz", _scene_file(b"no spz", "scene.spz"), "scene", ("not an SPZ", "again")),
-    BadFile("bad_splat", _scene_file(b"x" * 33, "scene.splat"), "scene", ("32-byte", "again")),
-    *(
-        BadFile(
-            f"{value}_in_{column}",
-            _spoiled_scene(column, value),
-            "scene",
-            ("row 3", f"{column} is {value}", "1 of 5", "--drop-invalid"),
-        )
-        for column in PLY_COLUMNS
-        if column not in ("nx", "ny", "nz")  # nobody reads normals: their values do no harm
-        for value in (float("nan"), float("inf"), float("-inf"))
-    ),
-]
-_DATASETS = [
-    BadFile("no_dataset", lambda tmp: tmp / "set", "dataset", ("does not exist", "check the path")),
-    BadFile("empty_folder", _empty_folder, "dataset", ("transforms.json", "check the path")),
-    BadFile("empty_json", _text(""), "dataset", ("transforms.json", "0 bytes", "again")),
-    BadFile("bad_json", _text('{"w": 8,\n "h" 6}'), "dataset", ("line 2, column 6", "repair")),
-    BadFile("json_list", _text("[]"), "dataset", ("no object", "again")),
-    BadFile("deep_json", _text("[" * 10**5), "dataset", ("transforms.json", "again")),
-    BadFile(
-        "missing_photo",
-        _spoiled(lambda folder, record: (folder / "images" / "1.png").unlink()),
-        "dataset",
-        ("lists 3 photos", "images/1.png", "remove their entries"),
-    ),
-    BadFile(
-        "wrong_size",
-        _spoiled(lambda folder, record: record.update(w=16, h=9)),
-        "dataset",
-        ("8x6", "16x9", "use the photos"),
-    ),
-    BadFile(
-        "path_leaves", _spoiled(_outside), "dataset", ("frames[1]", "leaves the dataset", "copy")
-    ),
-    BadFile(
-        "absolute_path",
-        _frame(file_path="/etc/hostname"),
-        "dataset",
-        ("frames[1]", "leaves", "copy"),
-    ),
-    BadFile(
-        "long_name", _frame(file_path="a" * 300), "dataset", ("frames[1]", "is no name", "copy")
-    ),
-    BadFile("link_leaves", _spoiled(_link_outside), "dataset", ("frames[1]", "leaves", "copy")),
-    BadFile(
-        "zero_views",
-        _spoiled(lambda folder, record: record["frames"].clear()),
-        "dataset",
-        ("no views", "check the dataset"),
-    ),
-    BadFile(
-        "no_frames",
-        _spoiled(lambda folder, record: record.pop("frames")),
-        "dataset",
-        ("no frames", "again"),
-    ),
-    BadFile(
-        "no_file_path", _frame(file_path=None), "dataset", ("frames[1] has no file_path", "again")
-    ),
-    BadFile("corrupt_photo", _spoiled(_cut_photo), "dataset", ("1.png", "export it again")),
-    BadFile(
-        "photo_is_text",
-        _spoiled(lambda folder, record: (folder / "images" / "1.png").write_text("hello")),
-        "dataset",
-        ("1.png", "no readable picture", "again"),
-    ),
-    BadFile(
-        "pose_3x3",
-        _frame(transform_matrix=[[1]]),
-        "dataset",
-        ("frames[1].transform_matrix", "4x4", "again"),
-    ),
-    BadFile(
-        "pose_nan",
-        _frame(transform_matrix=np.full((4, 4), np.nan).tolist()),
-        "dataset",
-        ("frames[1].transform_matrix", "not finite", "again"),
-    ),
-    BadFile(
-        "pose_shear", _frame(transform_matrix=_SHEAR), "dataset", ("frames[1]", "rigid", "correct")
-    ),
-    BadFile(
-        "pose_mirror",
-        _frame(transform_matrix=np.diag([1, 1, -1, 1]).tolist()),
-        "dataset",
-        ("frames[1]", "rigid", "correct"),
-    ),
-    BadFile(
-        "all_around",
-        _spoiled(lambda folder, record: record.update(camera_model="EQUIRECTANGULAR")),
-        "dataset",
-        ("EQUIRECTANGULAR", "image_undistorter"),
-    ),
-    BadFile(
-        "no_focal",
-        _spoiled(lambda folder, record: record.pop("fl_x")),
-        "dataset",
-        ("focal", "add fl_x"),
-    ),
-    BadFile(
-        "focal_is_a_word",
-        _spoiled(lambda folder, record: record.update(fl_x="wide")),
-        "dataset",
-        ("fl_x is 'wide'", "repair it"),
-    ),
-    BadFile(
-        "impossible_lens",
-        _spoiled(lambda folder, record: record.update(k1=-1e6)),
-        "dataset",
-        ("-1e+06", "calibrate again"),
-    ),
-    BadFile(
-        "missing_points",
-        _spoiled(lambda folder, record: record.update(ply_file_path="none.ply")),
-        "dataset",
-        ("none.ply", "check the path"),
-    ),
-]
+    "no_rows": (_scene_file(ply_bytes(scene_table(0))), "no Gaussians"),
+    "ascii_ends_early": (_scene_file(_ascii("1 " * 90 + "\n")), "element vertex"),
+    "ascii_word": (_scene_file(_ascii("word " * 60)), "vertex"),
+    "zero_quaternion": (_scene_file(_zero_quaternion), "row 2"),
+    "f_rest_missing": (_scene_file(_without(("f_rest_8",))), "8 f_rest"),
+    "only_positions_and_rotations": (_scene_file(_without(PLY_COLUMNS[6:-4])), "opacity, scale_0"),
+    "bad_obj": (_scene_file(b"f 1 2 3", "scene.obj"), "again"),
+    "bad_stl": (_scene_file(b"solid x", "scene.stl"), "again"),
+    "no_scales": (_scene_file(_without(("scale_1", "scale_2"))), "scale_1"),
+    "bad_spz": (_scene_file(b"no spz", "scene.spz"), "not an SPZ"),
+    "bad_splat": (_scene_file(b"x" * 33, "scene.splat"), "32-byte"),
+} | {
+    f"{value}_in_{column}": (_spoiled_scene(column, value), f"{column} is {value}")
+    for column in PLY_COLUMNS
+    if column not in ("nx", "ny", "nz")  # nobody reads normals: their values do no harm
+    for value in (float("nan"), float("inf"), float("-inf"))
+}
 
-BAD_FILES = [*_SCENES, *_DATASETS]
+
+def _changed(**changes: Any):
+    return _spoiled(lambda folder, record: record.update(changes))
+
+
+def _lacking(key: str):
+    return _spoiled(lambda folder, record: record.pop(key))
+
+
+_DATASETS = {
+    "no_dataset": (lambda tmp: tmp / "set", "does not exist"),
+    "empty_folder": (_empty_folder, "transforms.json"),
+    "empty_json": (_text(""), "0 bytes"),
+    "bad_json": (_text('{"w": 8,\n "h" 6}'), "line 2, column 6"),
+    "json_list": (_text("[]"), "no object"),
+    "deep_json": (_text("[" * 10**5), "transforms.json"),
+    "missing_photo": (_spoiled(lambda at, _: (at / "images" / "1.png").unlink()), "lists 3 photos"),
+    "wrong_size": (_changed(w=16, h=9), "16x9"),
+    "path_leaves": (_spoiled(_outside), "leaves the dataset"),
+    "absolute_path": (_frame(file_path="/etc/hostname"), "leaves"),
+    "long_name": (_frame(file_path="a" * 300), "is no name"),
+    "link_leaves": (_spoiled(_link_outside), "leaves"),
+    "zero_views": (_spoiled(lambda folder, record: record["frames"].clear()), "no views"),
+    "no_frames": (_lacking("frames"), "no frames"),
+    "no_file_path": (_frame(file_path=None), "frames[1] has no file_path"),
+    "corrupt_photo": (_spoiled(_cut_photo), "1.png"),
+    "photo_is_text": (
+        _spoiled(lambda folder, _: (folder / "images" / "1.png").write_text("hello")),
+        "no readable picture",
+    ),
+    "pose_3x3": (_frame(transform_matrix=[[1]]), "4x4"),
+    "pose_nan": (_frame(transform_matrix=np.full((4, 4), np.nan).tolist()), "not finite"),
+    "pose_shear": (_frame(transform_matrix=_SHEAR), "rigid"),
+    "pose_mirror": (_frame(transform_matrix=np.diag([1, 1, -1, 1]).tolist()), "rigid"),
+    "all_around": (_changed(camera_model="EQUIRECTANGULAR"), "EQUIRECTANGULAR"),
+    "no_focal": (_lacking("fl_x"), "focal"),
+    "focal_is_a_word": (_changed(fl_x="wide"), "fl_x is 'wide'"),
+    "impossible_lens": (_changed(k1=-1e6), "calibrate again"),
+    "missing_points": (_changed(ply_file_path="none.ply"), "none.ply"),
+}
+
+BAD_FILES = [
+    BadFile(name, build, kind, (word,))
+    for kind, table in (("scene", _SCENES), ("dataset", _DATASETS))
+    for name, (build, word) in table.items()
+]

@@ -1,17 +1,34 @@
-"""Inputs beside scenes to be damaged: datasets, cameras, views, checkpoints, meshes, edits."""
+"""Inputs to be damaged: scenes of every format, datasets, cameras, checkpoints, meshes, edits."""
 
 from __future__ import annotations
 
+import base64
 import json
+import struct
+import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib.util import find_spec
+from math import ceil
 from pathlib import Path
 
 import numpy as np
 import torch
 import trimesh
 from bad_files import dataset, write
-from fuzzing import Damage, Outcome, any_bytes, in_glb, in_json, judge, read_through
+from fuzzing import (
+    Damage,
+    Outcome,
+    any_bytes,
+    in_glb,
+    in_gzip,
+    in_json,
+    in_zip,
+    in_zstd,
+    judge,
+    read_through,
+)
+from ksplat_files import ksplat, near_grey
 from photo_sets import cameras, colmap_dataset
 from PIL import Image
 
@@ -23,14 +40,21 @@ from gsedit.datasets.view_list_files import by_capture, read_view_list, write_vi
 from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.editing.folder import history_of
 from gsedit.formats.flags import read_flags, write_flags
+from gsedit.formats.ply.records import read_ply_header
+from gsedit.formats.registry import write_scene
+from gsedit.formats.streams import SceneHeader, WriteOptions, in_blocks
 from gsedit.measures.against import resolve_reference
 from gsedit.runs.state import State, load_state, save_state
 from gsedit.scene.similarity import Similarity
+from gsedit.scene.table import SplatTable
 from gsedit.select.saved import read_named, save_named
 from gsedit.toolkit.similarity_files import read_similarity, write_similarity
 
 BYTES_MOST = 256 << 20
 """Python's memory for one of these inputs: they are a few kB."""
+SCENE_BYTES_MOST = 128 << 20
+"""Python's memory for a scene: blocks, pictures and decoders beside its few rows."""
+TABLE = near_grey(24, 1)
 
 
 @dataclass(frozen=True)
@@ -45,15 +69,31 @@ class Input:
     read: Callable[[Path], object]
     """Reads the folder, or raises."""
     inner: Damage | None = None
-    """Damage below the syntax."""
+    """Damage below what checksums, brackets and syntax protect."""
+    is_scene: bool = False
+    """Its file is named in every message, it gives no warning, and takes little memory."""
+    share: float = 1.0
+    """Part of the times that are asked for: half a second each, where a child process reads."""
 
 
-def fuzz_input(subject: Input, times: int, folder: Path, seed: int = 0) -> Outcome:
+def scene(
+    name: str,
+    build: Callable[[Path, SplatTable], object],
+    inner: Damage | None = None,
+    share: float = 1.0,
+) -> Input:
+    """A scene file of that name."""
+    return Input(
+        name, lambda folder: build(folder / name, TABLE), (name,), _reader(name), inner, True, share
+    )
+
+
+def fuzz(subject: Input, times: int, folder: Path, seed: int = 0) -> Outcome:
     """Damage the files of an input `times` times, each repeatable by its own number."""
     subject.build(folder)
     whole = {name: (folder / name).read_bytes() for name in subject.damaged}
     outcome = Outcome()
-    for index in range(times):
+    for index in range(ceil(times * subject.share)):
         rng = np.random.default_rng((seed, index))
         name = subject.damaged[index % len(subject.damaged)]
         inner = subject.inner is not None and rng.random() < 0.6
@@ -61,10 +101,47 @@ def fuzz_input(subject: Input, times: int, folder: Path, seed: int = 0) -> Outco
         (folder / name).unlink()  # written over, ext4 would wait for the disk
         (folder / name).write_bytes(damage(whole[name], rng))
         label = f"{subject.name}: {name} {seed} {index}"
-        judge(folder, outcome, label, BYTES_MOST, subject.read, warned="ignore")
+        if subject.is_scene:
+            judge(folder, outcome, label, SCENE_BYTES_MOST, subject.read, name)
+        else:
+            judge(folder, outcome, label, BYTES_MOST, subject.read, warned="ignore")
         (folder / name).unlink()
         (folder / name).write_bytes(whole[name])
     return outcome
+
+
+def _write(path: Path, table: SplatTable, version: int = 3) -> None:
+    header = SceneHeader(table.degree, {n: c.dtype for n, c in table.extra.items()})
+    write_scene(path, header, in_blocks(table), options=WriteOptions(spz_version=version))
+
+
+def _ascii(path: Path, table: SplatTable) -> None:
+    _write(path, table)
+    at = read_ply_header(path).data_offset
+    raw = path.read_bytes()
+    rows = np.frombuffer(raw[at:], "<f4").reshape(len(table), -1)
+    text = "\n".join(" ".join(f"{v:.6g}" for v in row) for row in rows)
+    path.write_bytes(raw[:at].replace(b"binary_little_endian", b"ascii") + text.encode() + b"\n")
+
+
+def _gltf(path: Path, table: SplatTable) -> None:
+    other = path.with_suffix(".glb")
+    _write(other, table)
+    raw = other.read_bytes()
+    other.unlink()
+    (length,) = struct.unpack_from("<I", raw, 12)
+    scene = json.loads(raw[20 : 20 + length])
+    data = base64.b64encode(raw[28 + length :]).decode()
+    scene["buffers"][0]["uri"] = "data:application/octet-stream;base64," + data
+    path.write_text(json.dumps(scene))
+
+
+def _folder(path: Path, table: SplatTable) -> None:
+    other = path.with_name("a.sog")
+    _write(other, table)
+    with zipfile.ZipFile(other) as archive:
+        archive.extractall(path.parent)
+    other.unlink()
 
 
 def viewpoints() -> list[Viewpoint]:
@@ -163,8 +240,26 @@ def _selection(folder: Path) -> None:
     save_named(MEANS[:, 0] > 9, MEANS, folder / "a.ply", "chair")
 
 
+USD_CORE = ("usda", "usdc", "usdz")
+"""Suffixes that usd-core reads."""
+SCENES = (
+    scene("a.ply", _write),
+    scene("ascii.ply", _ascii),
+    scene("a.compressed.ply", _write),
+    scene("a.splat", lambda path, table: _write(path, table.replace(sh=table.sh[:, :1]))),
+    scene("a.ksplat", lambda path, table: ksplat(path, 1, table)),
+    scene("3.spz", _write, in_gzip),
+    scene("4.spz", lambda path, table: _write(path, table, 4), in_zstd),
+    scene("a.sog", _write, in_zip),
+    scene("meta.json", _folder, in_json),
+    scene("a.glb", _write, in_glb),
+    scene("a.gltf", _gltf, in_json),
+    *(scene(f"a.{end}", _write, share=0.02) for end in USD_CORE if find_spec("pxr")),
+    scene("a.npz", _write, in_zip),
+)
 MODEL = tuple(f"sparse/0/{name}" for name in ("cameras.bin", "images.bin", "points3D.bin"))
 INPUTS = (
+    *SCENES,
     Input("transforms.json", _photos, ("transforms.json",), _read_photos, in_json),
     Input("colmap", _colmap, MODEL, _read_colmap),
     Input(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import json
 import os
 import shutil
@@ -25,7 +24,7 @@ FLAGS = (
 )  # fmt: skip
 _PLACE = """(() => {
   const found = [...document.querySelectorAll("button,[role=tab]")]
-    .find((each) => each.offsetParent !== null && each.innerText.trim()%s);
+    .find((each) => each.offsetParent !== null && each.innerText.trim() === %s);
   if (!found) return null;
   found.scrollIntoView({ block: "nearest" });
   const box = found.getBoundingClientRect();
@@ -42,22 +41,8 @@ _FIELD = """(() => {
   if (field) { field.focus(); field.select(); }
   return !!field;
 })()"""
-_OPTION = """(() => {
-  const found = [...document.querySelectorAll("[role=option]")]
-    .find((each) => each.offsetParent !== null && each.innerText.trim().startsWith(%s));
-  if (!found) return null;
-  found.scrollIntoView({ block: "nearest" });
-  const box = found.getBoundingClientRect();
-  return [box.x + box.width / 2, box.y + box.height / 2];
-})()"""
-_FOCUSED = """(() => {
-  const box = document.activeElement.getBoundingClientRect();
-  return [box.x + box.width / 2, box.y + box.height / 2];
-})()"""
-ALT, CTRL, SHIFT = 1, 2, 8
-"""Keys held, as devtools count them."""
-BUTTONS = {"left": 1, "right": 2, "middle": 4}
-"""Bits of the buttons that are held."""
+CTRL = 2
+"""The key held, as devtools count them."""
 
 
 def chromium() -> str | None:
@@ -135,11 +120,9 @@ class Window:
             time.sleep(0.05)
         return value
 
-    def press(self, label: str, begins: bool = False) -> None:
-        """Press the button, or the heading, of a label; or whose label `begins` with this."""
-        before = None
-        said = json.dumps(label)
-        script = _PLACE % (f".startsWith({said})" if begins else f" === {said}")
+    def press(self, label: str) -> None:
+        """Press the button, or the heading, of a label."""
+        before, script = None, _PLACE % json.dumps(label)
         while (place := self.wait(lambda: self.run(script))) != before:
             before = place  # what is above it may be moving it
             self.sleep(0.1)
@@ -150,22 +133,6 @@ class Window:
         script = _FIELD % json.dumps(label)
         self.wait(lambda: self.run(script))
         self.call("Input.insertText", text=text)
-
-    def choose(self, label: str, option: str) -> None:
-        """Choose from the list of a label what begins with `option`."""
-        script = _FIELD % json.dumps(label)
-        self.wait(lambda: self.run(script))
-        self.click(*self.run(_FOCUSED))
-        self.sleep(0.3)  # the list is opening
-        self.click(*self.wait(lambda: self.run(_OPTION % json.dumps(option))))
-
-    def type(self, label: str, text: str) -> None:
-        """Type into the field of a label, key by key."""
-        script = _FIELD % json.dumps(label)
-        self.wait(lambda: self.run(script))
-        for each in text:
-            self.call("Input.dispatchKeyEvent", type="keyDown", text=each, key=each)
-            self.call("Input.dispatchKeyEvent", type="keyUp", key=each)
 
     def drop(self, *paths: Path, x: float = 300, y: float = 300) -> None:
         """Drop files and folders of this machine at a pixel."""
@@ -182,25 +149,13 @@ class Window:
             time.sleep(0.05)
         self.call("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
 
-    def wheel(self, x: float, y: float, down: float) -> None:
-        """Turn the wheel over a pixel."""
-        self.call("Input.dispatchMouseEvent", type="mouseWheel", x=x, y=y, deltaX=0, deltaY=down)
-
-    def click(self, x: float, y: float, modifiers: int = 0) -> None:
+    def click(self, x: float, y: float) -> None:
         """Click at a pixel."""
-        self.mouse("mouseMoved", x, y, modifiers, "none")
-        self.mouse("mousePressed", x, y, modifiers)
-        self.mouse("mouseReleased", x, y, modifiers)
-
-    def mouse(
-        self, kind: str, x: float, y: float, modifiers: int = 0, button: str = "left"
-    ) -> None:
-        """Send one event of a button."""
-        held = 0 if kind == "mouseReleased" else BUTTONS.get(button, 0)
-        self.call(
-            "Input.dispatchMouseEvent", type=kind, x=x, y=y, button=button, clickCount=1,
-            buttons=held, modifiers=modifiers,
-        )  # fmt: skip
+        for kind, held in (("mouseMoved", 0), ("mousePressed", 1), ("mouseReleased", 0)):
+            self.call(
+                "Input.dispatchMouseEvent", type=kind, x=x, y=y, clickCount=1, buttons=held,
+                button="none" if kind == "mouseMoved" else "left",
+            )  # fmt: skip
 
     def key(self, key: str, modifiers: int = 0) -> None:
         """Press a key of a letter."""
@@ -211,11 +166,6 @@ class Window:
     def sleep(self, seconds: float) -> None:
         """Wait so many seconds."""
         time.sleep(seconds)
-
-    def screenshot(self, path: Path) -> None:
-        """Write what is seen as a PNG."""
-        found = self.call("Page.captureScreenshot", format="png")
-        path.write_bytes(base64.b64decode(found["data"]))
 
     def _hear(self, told: dict[str, Any]) -> None:
         given = told.get("params", {})

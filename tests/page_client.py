@@ -40,15 +40,12 @@ class PageClient:
     """(time, bytes) of every picture that came."""
     picture: bytes = b""
     """The last one, JPEG."""
-    downloads: dict[str, bytearray] = field(default_factory=dict)
-    """Contents of the files that were offered, by name."""
     pose: dict[str, Any] = field(default_factory=dict)
     """Position, target and upward direction of the camera."""
 
     def __post_init__(self) -> None:
         self.pose = {"position": (0.0, -3.0, 0.0), "look_at": (0.0, 0.0, 0.0), "up": (0, 0, 1.0)}
         self._changed = Condition()
-        self._names: dict[str, str] = {}
         address = self.address.replace("http://", "ws://")
         origin = self.address.split("/?")[0]
         self._socket = connect(
@@ -72,13 +69,6 @@ class PageClient:
     def send(self, kind: str, **fields: Any) -> None:
         """Send one message to the page."""
         self._socket.send(msgspec.msgpack.encode({"type": kind, **fields}))
-
-    def click(self, x: float, y: float, modifier: str | None = None) -> None:
-        """Click at a place of the picture, both from 0 to 1."""
-        self.send(
-            "ScenePointerMessage", event_type="click", ray_origin=self.pose["position"],
-            ray_direction=(0.0, 0.0, 1.0), screen_pos=((x, y),), modifier=modifier,
-        )  # fmt: skip
 
     def control(self, label: str) -> dict[str, Any]:
         """The control of a label, once it is there. Raises TimeoutError."""
@@ -170,11 +160,6 @@ class PageClient:
             self.controls[message["uuid"]] = message
         elif kind == "NotificationShowMessage":
             self.notices.append((message["props"]["title"], message["props"]["body"]))
-        elif kind == "FileTransferStartDownload":
-            self._names[message["transfer_uuid"]] = message["filename"]
-            self.downloads[message["filename"]] = bytearray()
-        elif kind == "FileTransferPart":
-            self.downloads[self._names[message["transfer_uuid"]]] += message["content"]
         elif kind.startswith("SetCamera"):
             self._aim(kind, message)
 

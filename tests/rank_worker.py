@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import lru_cache
 
 import torch
@@ -80,7 +80,7 @@ def run_edit(ranks: Ranks, editor, views: int, rounds: int = 1):
     }
 
 
-def run_fit(ranks: Ranks, **more):
+def run_fit(ranks: Ranks):
     """Steps of 3 photos: 2 on one rank and 1 on the other."""
     settings = FitSettings(
         steps=16,
@@ -92,9 +92,7 @@ def run_fit(ranks: Ranks, **more):
         evaluations=1,
         coarse=(),
     )
-    *events, result = fit_steps(
-        captured()[1], replace(settings, **more), generator=generator(), ranks=ranks
-    )
+    *events, result = fit_steps(captured()[1], settings, generator=generator(), ranks=ranks)
     losses = [event.loss for event in events if getattr(event, "loss", None) is not None]
     return {
         "means": result.scene.means, "sh": result.scene.sh, "psnr": result.psnr,
@@ -135,7 +133,5 @@ def everything(ranks: Ranks):
 if __name__ == "__main__":
     torch.set_num_threads(1)
     here = join()
-    found = everything(here)
-    found["timed"] = run_fit(here, steps=None, seconds=0.2)["steps"]
-    torch.save(found, f"{sys.argv[1]}.{here.rank}")
+    torch.save(everything(here), f"{sys.argv[1]}.{here.rank}")
     here.leave()

@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-import ast
-import csv
-import importlib.util
 import re
 import shlex
-import subprocess
-import sys
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -20,9 +15,6 @@ ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 TEXT = {str(page.relative_to(ROOT)): page.read_text() for page in PAGES}
 BLOCK = re.compile(r"^```\w*\n(.*?)^```", re.MULTILINE | re.DOTALL)
-
-PROGRAMS = ROOT / "docs/measurements/data/toolkit-programs.csv"
-TOOLKIT = list(csv.reader(PROGRAMS.read_text().splitlines()))[1:]
 
 
 def commands(text: str) -> list[str]:
@@ -73,24 +65,6 @@ def test_links_of_a_page_outside_the_site_lead_somewhere(page):
         assert (ROOT / target).exists(), target
 
 
-def test_the_readme_is_short_and_has_the_commands_of_a_newcomer():
-    text = TEXT["README.md"]
-    assert len(text.splitlines()) <= 100
-    for command in ("git clone", "make demo", "make test", "source .venv/bin/activate"):
-        assert command in text
-
-
-@pytest.mark.skipif(not Path(sys.prefix, "bin/activate").exists(), reason="not in a venv")
-def test_the_line_of_the_readme_makes_gsedit_a_command():
-    (line,) = re.findall(r"^source \.venv\S*", TEXT["README.md"], re.MULTILINE)
-    line = line.replace(".venv", shlex.quote(sys.prefix))
-    script = f"{line} && command -v gsedit && gsedit --help"
-    path = {"PATH": "/usr/bin:/bin"}
-    found = subprocess.run(["bash", "-c", script], env=path, capture_output=True, text=True)
-    assert found.stdout.splitlines()[0] == str(Path(sys.prefix, "bin/gsedit"))
-    assert found.returncode == 0
-
-
 @pytest.mark.parametrize("page", list(TEXT))
 def test_files_and_experiments_that_a_page_names_exist(page):
     folders = "cli|docs|examples|gsedit|rasterizer|tests"
@@ -106,102 +80,6 @@ def test_paths_of_docs_in_the_code_exist():
         for file in (ROOT / folder).rglob("*.py"):
             for path in re.findall(r"\bdocs/[\w/]+\.md", file.read_text()):
                 assert (ROOT / path).exists(), f"{file}: {path}"
-
-
-GLOSSARY = [
-    (line.split(" | ")[0].strip("| "), name)
-    for line in TEXT["docs/concepts/glossary.md"].splitlines()
-    if line.startswith("| ")
-    for name in re.findall(r"`([^`]+)`", line.split(" | ")[-1])
-]
-
-
-@cache
-def code() -> tuple[dict[str, set[str]], set[str]]:
-    """Names that the classes of each name define, and those of their bases in the code; and names
-    of classes, functions, fields, constants and texts. The trees are not kept."""
-    nodes = [
-        node
-        for folder in ("gsedit", "rasterizer", "cli")
-        for file in (ROOT / folder).rglob("*.py")
-        for node in ast.walk(ast.parse(file.read_text()))
-    ]
-    classes: dict[str, list[ast.ClassDef]] = {}
-    for node in nodes:
-        if isinstance(node, ast.ClassDef):
-            classes.setdefault(node.name, []).append(node)
-
-    def of(node: ast.ClassDef) -> set[str]:
-        own = {n.name for n in node.body if isinstance(n, ast.FunctionDef)}
-        fields = (n.target for n in node.body if isinstance(n, ast.AnnAssign))
-        own |= {target.id for target in fields if isinstance(target, ast.Name)}
-        bases = (classes.get(ast.unparse(base), []) for base in node.bases)
-        return own.union(*(of(base) for found in bases for base in found))
-
-    members = {name: set().union(*map(of, found)) for name, found in classes.items()}
-    names = set(members).union(*members.values())
-    for node in nodes:
-        if isinstance(node, ast.FunctionDef):
-            names.add(node.name)
-        elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
-            names.add(node.id)
-        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
-            names.add(node.value)
-    return members, names
-
-
-@cache
-def every_option() -> set[str]:
-    """Long options of all commands."""
-    from gsedit_cli.main import app
-
-    group: Any = typer.main.get_command(app)
-    context = typer.Context(group)
-    return set().union(*(options(verb(name), []) for name in group.list_commands(context)))
-
-
-@pytest.mark.parametrize(("term", "name"), GLOSSARY)
-def test_every_name_of_the_glossary_is_in_the_code(term, name):
-    if name.startswith("gsedit "):
-        assert verb(name.split()[1])
-    elif name.startswith("--"):
-        assert name.split()[0] in every_option()
-    elif (ROOT / (name.replace(".", "/") + ".py")).is_file():
-        return  # a module
-    elif "." in name and name[0].isupper():
-        record, member = name.split(".")
-        assert member in code()[0][record]
-    else:
-        assert name.removesuffix("()") in code()[1]
-
-
-def test_the_page_of_all_commands_has_every_option():
-    pytest.importorskip("mkdocs")
-    spec = importlib.util.spec_from_file_location("hooks", ROOT / "docs/hooks.py")
-    assert spec is not None
-    assert spec.loader is not None
-    hooks = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(hooks)
-    page = hooks.command_line()
-    known = {name for name in every_option() if name.startswith("--")}
-    assert len(known) > 100
-    assert known <= set(re.findall(r"--[a-z][\w-]*", page))
-
-
-def test_the_glossary_was_read():
-    assert len(GLOSSARY) > 60
-
-
-def test_the_toolkit_table_was_read():
-    assert len(TOOLKIT) > 30
-
-
-@pytest.mark.parametrize("row", TOOLKIT, ids=lambda row: row[0])
-def test_every_claim_of_the_toolkit_names_files_of_tests(row):
-    claim, proof = row[8], row[9]
-    if claim.startswith("–") or proof.startswith("the suite"):
-        return
-    assert [path for path in proof.split(", ") if not (ROOT / path).exists()] == []
 
 
 def test_every_place_of_the_architecture_exists():

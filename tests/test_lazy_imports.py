@@ -74,25 +74,6 @@ def test_gsedit_edit_is_the_function_in_any_order_of_imports():
     assert done.returncode == 0, done.stderr
 
 
-def test_modules_of_a_package_are_attributes_before_anything_imports_them():
-    done = python(
-        "import types, gsedit\n"
-        "assert issubclass(gsedit.errors.UsageError, Exception)\n"
-        "assert isinstance(gsedit.cameras, types.ModuleType)\n"
-        "assert isinstance(gsedit.formats, types.ModuleType)\n"
-        "assert isinstance(gsedit.fit, types.FunctionType)\n"
-    )
-    assert done.returncode == 0, done.stderr
-
-
-def test_a_module_that_lacks_a_dependency_says_so(monkeypatch, tmp_path):
-    (tmp_path / "needy.py").write_text("import no_such_package")
-    gsedit = import_module("gsedit")
-    monkeypatch.setattr(gsedit, "__path__", [*gsedit.__path__, str(tmp_path)])
-    with pytest.raises(ModuleNotFoundError, match="no_such_package"):
-        _ = gsedit.needy
-
-
 def test_rasterizer_render_is_the_function_in_any_order_of_imports():
     done = in_turn(
         ["", "import rasterizer.render, rasterizer.rasterization"],

@@ -76,18 +76,3 @@ def test_an_error_names_the_extra_that_brings_the_package(pyproject):
         GseditError, match=r"^a thing needs av \(.*\): pip install 'gsedit\[video\]'"
     ):
         load_extra("av.nothing_of_this_name", "a thing")
-
-
-def test_every_dependency_is_imported(pyproject):
-    modules = {"pillow": "PIL", "pi-heif": "pi_heif"}
-    section = pyproject.split("dependencies = [")[1].split("\n]")[0]
-    code = "\n".join(
-        path.read_text()
-        for folder in ("gsedit", "rasterizer", "cli")
-        for path in (ROOT / folder).rglob("*.py")
-    )
-    for requirement in strings(section):
-        name = re.split(r"[><=;\s]", requirement)[0]
-        module = modules.get(name, name)
-        used = rf'^\s*(from|import) {module}\b|load_package\("{module}[".]'
-        assert re.search(used, code, re.MULTILINE), requirement

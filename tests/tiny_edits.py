@@ -9,9 +9,10 @@ from functools import lru_cache
 import torch
 
 import gsedit
-from gsedit import Dataset, EditResult, Event, edit_steps
+from gsedit import Checkpoint, Dataset, EditResult, Event, edit_steps
 from gsedit.datasets.dataset import capture
 from gsedit.diffusion.settings import SamplerSettings
+from gsedit.editor_protocol import Editor
 from gsedit.editors import Capabilities, EditBatch, EditProgress, make_editor
 from gsedit.fitting.settings import UpdateSettings
 from gsedit.paper.actions import Strategy
@@ -29,22 +30,31 @@ PROMPT = "as bronze"
 
 
 @lru_cache
-def scene() -> Gaussians:
-    return surface_gaussians(demo_scene(), 1000, torch.Generator().manual_seed(0))
+def painted(count: int) -> Gaussians:
+    return surface_gaussians(demo_scene(), count, torch.Generator().manual_seed(0))
 
 
 @lru_cache
+def seen(count: int, views: int, size: int) -> Dataset:
+    """Pictures of `painted` from all around."""
+    cameras = ring_cameras(demo_scene(), views, size)
+    return Dataset(capture(painted(count), cameras, [f"{i:02d}" for i in range(views)]))
+
+
+def scene() -> Gaussians:
+    return painted(1000)
+
+
 def data() -> Dataset:
     """Nine views: the last is held out, eight may be edited."""
-    cameras = ring_cameras(demo_scene(), 9, 48)
-    return Dataset(capture(scene(), cameras, [str(i) for i in range(9)]))
+    return seen(1000, 9, 48)
 
 
 @dataclass(eq=False)
 class Watched:
     """The closed-form editor, which notes what it is asked."""
 
-    inner: gsedit.editor_protocol.Editor = field(default_factory=lambda: make_editor("closed-form"))
+    inner: Editor = field(default_factory=lambda: make_editor("closed-form"))
     asked: list[tuple[EditBatch, SamplerSettings]] = field(default_factory=list)
 
     @property
@@ -69,18 +79,29 @@ class Watched:
         return self.inner.edit(batch, settings, generator)
 
 
+def steps(
+    scene: Gaussians,
+    views: Dataset | None,
+    settings: gsedit.EditSettings,
+    strategy: Strategy,
+    editor: Editor | None = None,
+    sentence: str = PROMPT,
+    seed: int = 0,
+) -> list[Event | Checkpoint | EditResult]:
+    """All that an edit tells; the result is the last."""
+    given = {"views": views, "settings": settings, "strategy": strategy}
+    return list(
+        edit_steps(
+            scene, sentence, editor=editor or make_editor("closed-form"),
+            generator=torch.Generator().manual_seed(seed), **given,
+        )
+    )  # fmt: skip
+
+
 def run(
     strategy: Strategy, settings: gsedit.EditSettings = SETTINGS, editor: Watched | None = None
 ) -> tuple[EditResult, list[Event]]:
     """The result and the events of an edit."""
-    *items, result = edit_steps(
-        scene(),
-        PROMPT,
-        editor=editor or Watched(),
-        generator=torch.Generator().manual_seed(0),
-        views=data(),
-        settings=settings,
-        strategy=strategy,
-    )
+    *items, result = steps(scene(), data(), settings, strategy, editor or Watched())
     assert isinstance(result, EditResult)
     return result, [item for item in items if isinstance(item, Event)]

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import diffusers
 import tokenizers
 import torch
 import transformers
-from PIL import Image
 
 CHAT = (
     "{% for message in messages %}<|im_start|>{{ message.role }} {{ message.content }}"
@@ -36,17 +33,6 @@ def word_tokenizer(**options: Any) -> transformers.PreTrainedTokenizerFast:
     return transformers.PreTrainedTokenizerFast(
         tokenizer_object=words, pad_token="<pad>", unk_token="<unk>", **options
     )
-
-
-def picture(view: torch.Tensor) -> Image.Image:
-    """A view (h w 3 in [0, 1], eighths of 255) as a PIL image, without loss."""
-    return Image.fromarray((view * 255).round().to(torch.uint8).numpy())
-
-
-def views(count: int, rows: int, columns: int, seed: int = 1) -> torch.Tensor:
-    """Random pictures whose values survive eight bits."""
-    g = torch.Generator().manual_seed(seed)
-    return torch.randint(0, 256, (count, rows, columns, 3), generator=g) / 255
 
 
 def trace(pipe: Any, **arguments: Any) -> list[torch.Tensor]:
@@ -122,11 +108,3 @@ def quiet(pipe: Any) -> Any:
     """The pipeline without its progress bar."""
     pipe.set_progress_bar_config(disable=True)
     return pipe
-
-
-def saved(pipe: Any, folder: Path, **index: str) -> Path:
-    """A folder with the pipeline, and these entries in its model_index.json."""
-    pipe.save_pretrained(folder)
-    path = folder / "model_index.json"
-    path.write_text(json.dumps(json.loads(path.read_text()) | index))
-    return folder

@@ -19,8 +19,6 @@ from gsedit.app.document import (
     moved,
     opened,
     save,
-    session_folder,
-    step_folder,
 )
 from gsedit.errors import InputError
 
@@ -73,26 +71,3 @@ def test_a_damaged_document_is_refused_by_its_place(change, document, tmp_path):
     (tmp_path / NAME).write_text(json.dumps(record | change))
     with pytest.raises(InputError, match=NAME):
         load(tmp_path)
-
-
-def test_a_position_beyond_the_steps_is_the_last(document, tmp_path):
-    save(replace(document, position=9), tmp_path)
-    assert load(tmp_path) == document
-
-
-def test_every_step_has_a_folder_of_its_own(tmp_path):
-    first = step_folder(tmp_path, "Turn it into BRONZE, please!")
-    assert first.name == "001-turn-it-into-bronze-please"
-    first.mkdir(parents=True)
-    (tmp_path / "steps" / "readme").mkdir()
-    assert step_folder(tmp_path, "../../..").name == "002-step"
-    assert len(step_folder(tmp_path, "x" * 5000).name) < 60
-
-
-def test_a_session_lies_beside_what_is_opened(tmp_path):
-    (tmp_path / "bear.ply").touch()
-    (tmp_path / "photos.v1").mkdir()
-    assert session_folder(tmp_path / "bear.ply") == tmp_path / "bear.session"
-    assert session_folder(tmp_path / "photos.v1") == tmp_path / "photos.v1.session"
-    save(Document(), tmp_path / "other")
-    assert session_folder(tmp_path / "other") == tmp_path / "other"

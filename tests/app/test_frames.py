@@ -14,14 +14,12 @@ from closeness import EPS32, assert_near
 from gsedit.app.frames import (
     FAST,
     LEAST_SIDE,
-    SLOW,
     DisplayState,
     LatestOnlyWorker,
     Painter,
     next_side,
     picture,
     tinted,
-    wanted_seconds,
 )
 from gsedit.app.tab import camera_of, eye_of
 from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
@@ -35,13 +33,6 @@ def scene():
 @pytest.fixture(scope="module")
 def camera():
     return ring_cameras(demo_scene(), 3, 64)[0].resized(80, 64)
-
-
-def test_the_rate_falls_with_the_size_of_a_scene():
-    wanted = [wanted_seconds(count) for count in (0, 120_000, 300_000, 600_000, 1_000_000, 10**7)]
-    assert wanted == sorted(wanted)
-    assert wanted[1] == pytest.approx(1 / FAST)
-    assert wanted[-2] == pytest.approx(1 / SLOW)
 
 
 @pytest.mark.parametrize("cost", [1e-9, 2e-7, 1e-6, 1e-3])
@@ -85,22 +76,6 @@ def test_a_painter_draws_the_newest_camera_and_rests_in_full(camera):
     assert not errors
 
 
-def test_a_painter_goes_on_after_an_error(camera):
-    errors, sent = [], []
-    pictures = iter([np.zeros((64, 80, 3), np.uint8)])
-    painter = Painter(
-        lambda: camera, lambda _: next(pictures), lambda *_: sent.append(1), int, errors.append
-    )
-    painter.look()
-    while not errors:
-        time.sleep(0.01)
-    pictures = iter([np.zeros((64, 80, 3), np.uint8)])
-    painter.again()
-    while len(sent) < 2:
-        time.sleep(0.01)
-    painter.end()
-
-
 def test_a_wipe_shows_each_scene_on_its_side(scene, camera):
     red = tinted(scene, torch.ones(len(scene), dtype=torch.bool), (1.0, 0.0, 0.0))
     one, other = (picture(DisplayState(each), camera) for each in (scene, red))
@@ -116,10 +91,6 @@ def test_two_scenes_beside_each_other_are_seen_from_one_place(scene, camera):
     both = picture(DisplayState(scene, before=scene, way="beside"), camera)
     assert both.shape == (64, 80, 3)
     assert np.abs(both[:, 2:38].astype(int) - both[:, 42:78]).max() <= 1
-
-
-def test_without_a_scene_there_is_a_background(camera):
-    assert picture(DisplayState(), camera).std() < 10
 
 
 def test_a_viser_camera_is_the_renderers(camera):

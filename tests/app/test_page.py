@@ -6,7 +6,6 @@ import sys
 import time
 from dataclasses import replace
 from pathlib import Path
-from shutil import copyfile
 
 import pytest
 import torch
@@ -14,13 +13,10 @@ from pages import COMMAND, make_page, until
 
 from gsedit.app import document as documents
 from gsedit.app.document import Pending
-from gsedit.app.loaded import Scenes
 from gsedit.app.moves import on_page
-from gsedit.app.opening import earlier, go_on, make_scene, open_path, receive
-from gsedit.app.worker import Cancelled, Worker
+from gsedit.app.opening import make_scene, open_path, receive
+from gsedit.app.worker import Worker
 from gsedit.errors import GseditError, UsageError
-from gsedit.formats.flags import read_flags
-from gsedit.formats.scenes import save
 from gsedit.select.saved import save_named, saved_names
 
 
@@ -104,16 +100,6 @@ def test_one_command_at_a_time_which_can_be_cancelled(opened):
     assert opened.document.current.title == "after it"
 
 
-def test_a_command_is_cancelled_while_its_process_is_being_started(opened, monkeypatch):
-    ear, worker = Ear(opened), opened.worker
-    warm = worker.warm
-    monkeypatch.setattr(worker, "warm", lambda: (time.sleep(0.3), warm()))
-    opened.step("clean", "--seconds", "30", title="slow")
-    opened.cancel()
-    until(lambda: ear.told)
-    assert "cancelled" in ear.told[0]
-
-
 def test_a_killed_page_is_reopened_where_it_was(opened, scene, tmp_path):
     step(opened, "snow")
     step(opened, "more")
@@ -170,20 +156,6 @@ def test_a_foreign_session_shows_no_file_outside(page, scene, tmp_path_factory):
         assert page.folder is None
 
 
-def test_a_scene_does_not_open_the_session_of_another_of_nearly_its_name(opened, scene, tmp_path):
-    step(opened, "snow")
-    other = scene.with_suffix(".splat")
-    save(opened.scene[:100], other)
-    open_path(opened, other)
-    assert len(opened.scene) == 100
-    folder = opened.folder
-    open_path(opened, scene)
-    assert opened.document.current.title == "snow"
-    assert opened.folder == scene.with_name("bear.session")
-    open_path(opened, other)
-    assert opened.folder == folder
-
-
 def test_a_session_that_is_moved_with_its_scene_goes_on(opened, scene, tmp_path):
     step(opened, "snow")
     opened.close()
@@ -194,17 +166,6 @@ def test_a_session_that_is_moved_with_its_scene_goes_on(opened, scene, tmp_path)
     again.undo()
     assert again.scene_file == moved / scene.name
     again.close()
-
-
-def test_a_command_reads_the_selection_that_it_was_given(opened):
-    flags = torch.arange(len(opened.scene)) < 10
-    opened.select(flags, "ten")
-    first = opened.selection_file()
-    opened.select(~flags, "the others")
-    assert opened.selection_file() != first
-    assert read_flags(first, len(flags)).tolist() == flags.tolist()
-    opened.select(flags.clone(), "ten again")
-    assert opened.selection_file() == first
 
 
 def test_photos_become_a_scene_that_is_opened(page, tmp_path, scene):
@@ -260,37 +221,6 @@ def test_dropped_files_are_opened_or_refused(page, tmp_path, scene):
     assert not (tmp_path / "dropped" / "bad.ply").exists()
 
 
-def test_what_is_no_scene_is_refused_with_the_next_move(page, tmp_path):
-    (tmp_path / "a.txt").touch()
-    for path in (tmp_path / "a.txt", tmp_path / "no.ply", tmp_path):
-        with pytest.raises(UsageError):
-            open_path(page, path)
-    with pytest.raises(UsageError, match="open a scene first"):
-        page.step("clean", title="clean")
-    (tmp_path / "bad.ply").write_bytes(b"ply\nnonsense")
-    with pytest.raises(GseditError):
-        open_path(page, tmp_path / "bad.ply")
-    assert page.folder is None
-    assert not list(tmp_path.glob("*.session"))
-
-
-def test_scenes_in_memory_are_bounded(scene):
-    scenes = Scenes(most=700)
-    for name in ("a.ply", "b.ply", "c.ply"):
-        scenes.load(Path(copyfile(scene, scene.with_name(name))))
-    assert len(scenes) == 2
-
-
-def test_a_worker_hands_over_events_and_ends_with_its_page():
-    worker = Worker((sys.executable, "-Sc", COMMAND))
-    worker.warm()
-    spare = worker._spare
-    worker.close()
-    assert spare.poll() is not None
-    with pytest.raises(Cancelled):
-        worker.run(["clean"])
-
-
 def test_the_warm_program_runs_a_command_of_gsedit(scene, monkeypatch):
     worker = Worker((sys.executable, "-m", "gsedit_cli.core.warm"))
     worker.warm()
@@ -321,53 +251,6 @@ def test_undone_steps_can_be_deleted_and_no_others(opened, tmp_path):
     assert [each.name for each in opened.undone().folders] == ["001-one", "004-other"]
     opened.go_to(2)
     assert len(opened.scene) == 600
-
-
-def test_what_an_interrupted_step_goes_on_from_is_not_deleted(opened):
-    step(opened, "one")
-    out = opened.folder / "steps" / "002-slow" / "scene.ply"
-    out.parent.mkdir()
-    waits = Pending("slow", ("clean", str(opened.scene_file), "-o", str(out)))
-    opened.change(replace(opened.document, pending=waits))
-    opened.undo()
-    assert not opened.undone().folders
-
-
-def test_a_command_beside_an_interrupted_step_that_fails_leaves_it_to_go_on_with(opened):
-    waits = Pending("slow", ("clean", "a.ply", "-o", "steps/001-slow/scene.ply"))
-    opened.change(replace(opened.document, pending=waits))
-    ear = Ear(opened)
-    opened.run(("convert", str(opened.scene_file), "--fail", "-o", "b.ply"), "export")
-    until(lambda: ear.told)
-    assert opened.document.pending == waits
-
-
-def test_an_interrupted_capture_goes_on_to_its_scene(page, tmp_path, scene):
-    photos = tmp_path / "photos"
-    photos.mkdir()
-    (photos / "1.jpg").touch()
-    open_path(page, photos)
-    program = f"scene, begun = {str(scene)!r}, {str(tmp_path / 'begun')!r}" + COMMAND.replace(
-        "scene, *rest", "_, *rest"
-    ).replace("out = ", "verb == 'capture' and (open(begun, 'w'), time.sleep(60)); out = ")
-    page.worker = Worker((sys.executable, "-Sc", program))
-    make_scene(page, "normal")
-    until(lambda: (tmp_path / "begun").is_file())
-    page.close()
-    until(lambda: page.busy is None)
-    posed = page.folder / "capture"
-    posed.mkdir()
-    (posed / "capture.json").touch()  # its stages are tested elsewhere
-    again = make_page(tmp_path)
-    assert [each.name for each in earlier(again)] == ["photos.session"]
-    open_path(again, earlier(again)[0])
-    assert again.document.pending.title == "normal scene of the photos"
-    again.worker = Worker((sys.executable, "-Sc", program))
-    go_on(again)
-    idle(again)
-    assert again.scene_file.parent.name == "000-normal"
-    assert again.document.pending is None
-    again.close()
 
 
 def test_a_folder_that_is_dropped_is_opened_when_all_of_it_is_there(page, tmp_path, scene):

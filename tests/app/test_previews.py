@@ -1,22 +1,16 @@
 """Previews: what a sentence makes of the scene on the page, found once."""
 
-import shutil
 from pathlib import Path
-from unittest.mock import MagicMock
 
 import pytest
 import torch
 from playroom import playroom
 
-from gsedit.app.document import Step, applied
 from gsedit.app.loaded import Loaded
-from gsedit.app.opening import open_path
-from gsedit.app.panels.say import Say
 from gsedit.app.panels.select import Clicks, grown
 from gsedit.app.previews import Previewer
 from gsedit.app.reading import read
 from gsedit.datasets.viewpoints import Viewpoint
-from gsedit.errors import UsageError
 from gsedit.scene.picture import render_picture
 from gsedit.select.click import Click, Selector
 from gsedit.select.region import Region, save_region
@@ -58,47 +52,6 @@ def test_a_preview_for_one_view_is_right_in_that_view(room, tmp_path):
     ).square().mean() + 1e-6
 
 
-def test_what_was_found_for_one_preview_is_kept_for_the_next(room, monkeypatch):
-    previewer = Previewer(room, None)
-    first = previewer.scene(read("make the red one darker"))
-    monkeypatch.setattr("gsedit.objects.segment", None)
-    again = previewer.scene(read("make the red one 40 % darker"))
-    assert torch.equal(first.region.inside, again.region.inside)
-
-
-def test_no_preview_is_made_or_shown_of_a_scene_that_was_left(page, scene, monkeypatch):
-    monkeypatch.setattr(Previewer, "prepare_behind", lambda self, wanted: None)
-    open_path(page, scene)
-    tab, asked = MagicMock(closed=False), []
-    tab.soon = lambda key, work, then: asked.append((work, then))
-    say = Say(page, tab)
-    left = say.previewer()
-    say.text.value = "make it night"
-    say.preview()
-    work, then = asked[-1]
-    made = work()
-    other = shutil.copy(scene, scene.with_name("b.ply"))
-    page.change(applied(page.document, Step("more", str(other))))
-    key = left.loaded.file, None
-    say.previewers[key] = left  # as a thread does that began before
-    assert say.previewer().loaded is page.loaded
-    assert not say.keeps(key, left)
-    tab.preview.reset_mock()
-    then(made)
-    tab.preview.assert_called_once_with(None)
-
-
-def test_a_plain_click_begins_anew_and_a_further_one_refines(room):
-    camera = playroom().cameras[0]
-    with pytest.raises(UsageError, match="click on the object first"):
-        Clicks().with_click(Click(camera, 1.0, 1.0, inside=False), add=True)
-    click = Click(camera, 48.0, 48.0)
-    one = Clicks().with_click(click, add=False)
-    two = one.with_click(Click(camera, 40.0, 48.0), add=True)
-    assert len(two.clicks) == 2
-    assert two.with_click(click, add=False) == one
-
-
 def test_a_plain_click_at_the_same_place_takes_the_part_there_and_at_last_the_whole_again(room):
     camera = playroom().cameras[0]
     x, y = camera.project(room.scene.means[playroom().of("red ball")].mean(0))[0].tolist()
@@ -121,21 +74,6 @@ def test_grow_and_shrink_go_by_a_radius(room):
     assert torch.cdist(added, means[flags]).amin(1).max() <= 0.1 + 1e-6
     gone = means[flags & ~smaller]
     assert torch.cdist(gone, means[~flags]).amin(1).max() <= 0.1 + 1e-6
-
-
-def test_what_is_known_of_a_scene_is_kept_for_the_next_preview_and_dropped_with_it(
-    room, monkeypatch
-):
-    previewer = Previewer(room, None)
-    previewer.prepare(sentences=("make it night",))
-    asked = []
-    monkeypatch.setattr("gsedit.light.present.surface_of", lambda *each: asked.append(each))
-    night = previewer.scene(read("make it night")).scene
-    assert not torch.equal(night.sh, room.scene.sh)
-    room.forget()
-    with pytest.raises(AttributeError):  # there is no surface: the survey is made anew
-        previewer.scene(read("make it night"))
-    assert len(asked) == 1
 
 
 def test_a_prepared_preview_is_that_of_the_edit(room):

@@ -16,23 +16,12 @@ def test_a_reading_tells_part_color_way_and_seconds():
     assert "the selection painted" in read("paint it red").html(USUAL_COUNT, selected=True)
 
 
-def test_two_changes_take_longer_than_one_and_a_large_scene_longer_than_a_small_one():
-    one, two = read("paint it red"), read("paint it red and make it night")
-    assert len(two.instruction.changes) == 2
-    assert two.seconds(USUAL_COUNT) > one.seconds(USUAL_COUNT) > one.seconds(USUAL_COUNT // 5)
-
-
 @pytest.mark.parametrize("text", ["asdf qwer", "turn it into a van gogh painting", "undo", "<b>"])
 def test_what_is_refused_tells_why_and_nothing_is_html(text):
     reading = read(text)
     assert reading.refusal
     assert reading.first is None
     assert "<b>" not in reading.html(10)
-
-
-def test_names_of_saved_selections_are_heard():
-    told = read("paint the left pot gold", ["left pot"])
-    assert [each.phrase for each in told.instruction.changes] == ["the left pot"]
 
 
 def before_map():
@@ -55,10 +44,6 @@ def test_next_moves_are_those_of_the_page(said, told):
     shown = on_page(UsageError(said))
     assert told in shown
     assert "--" not in shown
-
-
-def test_a_look_that_is_refused_has_another_in_its_place():
-    assert "say another" in read("as a Van Gogh painting").refusal
 
 
 def test_the_page_has_words_for_all_moves_that_name_options():

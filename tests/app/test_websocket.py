@@ -5,18 +5,16 @@ from __future__ import annotations
 import http.client
 import time
 from functools import partial
-from threading import Event
 from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
 import torch
 from page_client import PageClient
-from pages import make_page, served, until
+from pages import served, until
 from websockets.exceptions import InvalidStatus
 
 from gsedit.app.opening import open_path
-from gsedit.app.server import serve
 
 
 @pytest.fixture
@@ -94,54 +92,6 @@ def test_a_preview_and_a_new_step_are_seen_in_their_own_colors(opened, page):
     tab.close()
 
 
-def test_what_a_tab_waits_for_no_more_is_not_shown(opened, page):
-    tab = PageClient(opened, (64, 48))
-    tab.wait(lambda: sees_scene(tab))
-    shown, gate, done = page.tabs[0], Event(), Event()
-    shown.soon("preview", lambda: gate.wait(5) and page.scene, shown.preview)
-    tab.set("say", "paint it red")
-    page.step("clean", title="clean it")
-    tab.wait(lambda: has_step(tab, "1: clean it"))
-    gate.set()
-    shown.soon("last", lambda: None, lambda _: done.set())
-    assert done.wait(5)
-    assert not shown.previews
-    tab.close()
-
-
-def test_a_preview_is_told_while_it_is_made_and_can_be_left(opened, page):
-    tab = PageClient(opened, (64, 48))
-    tab.wait(lambda: sees_scene(tab))
-    gate, tells = Event(), lambda: "Working on the preview" in tab.text()
-    page.tabs[0].soon("other", lambda: gate.wait(20), lambda _: None)
-    tab.set("say", "paint it red")
-    tab.press("Preview")
-    tab.wait(tells)
-    tab.press("End the preview")
-    tab.wait(lambda: not tells())
-    gate.set()
-    tab.press("Preview")
-    tab.wait(lambda: page.tabs[0].previews and not tells())
-    tab.press("Apply")
-    until(lambda: page.document.pending or page.document.position == 1)
-    tab.set("say", "paint it blue")
-    tab.wait(lambda: has_step(tab, "1: paint it red"))
-    assert tab.control("say")["value"] == "paint it blue"
-    tab.close()
-
-
-def test_a_step_that_is_refused_is_not_told_as_the_one_that_is_shown(opened, page):
-    tab = PageClient(opened, (64, 48))
-    page.step("clean", title="clean it")
-    tab.wait(lambda: has_step(tab, "1: clean it"))
-    page.step("clean", "--seconds", "30", title="slow")
-    tab.set("step", "0: bear.ply")
-    tab.wait(lambda: tab.notices)
-    tab.wait(lambda: tab.control("step")["value"] == "1: clean it")
-    page.cancel()
-    tab.close()
-
-
 def test_errors_appear_as_sentences_and_work_can_be_cancelled(opened, page):
     tab = PageClient(opened, (64, 48))
     tab.wait(lambda: sees_scene(tab))
@@ -192,14 +142,3 @@ def status(host, path, headers):
     answer = connection.getresponse()
     connection.close()
     return answer.status, answer.headers
-
-
-def test_a_second_page_takes_the_next_port(opened, page, tmp_path):
-    port = urlsplit(opened).port
-    other = make_page(tmp_path)
-    with serve(other, port=port) as found:
-        assert found.port != port
-        tab = PageClient(found.address, (64, 48))
-        tab.wait(lambda: "Nothing is open" in tab.text() and tab.picture)
-        tab.close()
-    other.close()

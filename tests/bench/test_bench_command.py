@@ -6,7 +6,6 @@ import json
 from dataclasses import asdict, dataclass
 from math import nan
 
-import pytest
 from gsedit_cli import main as cli
 from typer.testing import CliRunner
 
@@ -51,21 +50,3 @@ def test_stability_writes_its_folder(tmp_path, monkeypatch):
     assert json.loads(line) == {"name": "needle, quick True", "error": None}
     assert "needle" in done.stderr
     assert gsedit_bench("stability", "-o", tmp_path / "out").exit_code == 2
-
-
-def test_interrupted_targets_say_so(tmp_path, monkeypatch):
-    def interrupted(**_):
-        yield Case("needle", 0.0)
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(stability, "measurements", interrupted)
-    done = gsedit_bench("stability", "-o", tmp_path / "out")
-    assert done.exit_code == 130
-    assert "interrupted; 1 rows are in" in done.stderr.splitlines()[-1]
-
-
-@pytest.mark.parametrize("verb", ["stability", "targets"])
-def test_help_shows_an_example(verb):
-    done = gsedit_bench(verb, "--help")
-    assert done.exit_code == 0
-    assert f"gsedit bench {verb} " in done.stdout

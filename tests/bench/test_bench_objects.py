@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from bench.object_cases import CASES, Case
-from bench.objects import METHODS, given_of, scores, table
+from bench.objects import METHODS, given_of, scores
 from bench.staged import stage
 
 from gsedit.measures.metrics import NEAREST
@@ -41,8 +41,3 @@ def test_the_truth_has_the_thing_where_the_case_says(task):
     low = given.truth.means[-100:, 2].min()  # what was added stands last
     assert abs(float(low) - foot[2]) < 0.1
     assert Case("removal", "wall", "blue crate").after().things == ()
-
-
-def test_a_table_has_the_means_of_each_task():
-    rows = [("move-a", {"changed": 20.0, "cpu": 1.0}), ("move-b", {"changed": 30.0, "cpu": 2.0})]
-    assert "| **move, mean** | 25.0 |  |  |  | 1.5 |" in table(rows)

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from benchmarks import garden_points
@@ -12,8 +9,6 @@ from benchmarks import garden_points
 from gsedit import Event
 from gsedit.bench.renderer import speed
 from gsedit.bench.renderer.speed import timed, timed_together
-from gsedit.bench.results import commit, machine
-from gsedit.errors import InputError
 from rasterizer import render
 
 
@@ -38,19 +33,6 @@ def test_every_case_is_measured_with_its_errors(points, tmp_path):
     assert speed.table(rows).count("\n| ") == len(rows) + 2  # head and rule
 
 
-def test_without_its_points_the_garden_is_left_out_with_a_note():
-    assert "not given" in next(speed.measure_targets(None)).note
-
-
-def test_the_table_shows_what_is_missed_and_what_has_no_goal():
-    row = speed.Speed("garden", "torch", 0.1, 15.9, 20.0, 16.0, 1e-7, None)
-    rows = [row, replace(row, wall=16.0), replace(row, goal=None)]
-    assert [each.reached for each in rows] == [False, True, None]
-    text = speed.table(rows)
-    assert text.startswith("1 of 2 targets are reached on ")
-    assert "| garden, torch | 16 | 15.9 | 20.0 | 100.0 | 1.0e-07 | 0.0e+00 | **no** |" in text
-
-
 def test_no_run_begins_once_the_budget_is_spent():
     runs = []
     jobs = {name: lambda name=name: runs.append(name) for name in "ab"}
@@ -59,11 +41,6 @@ def test_no_run_begins_once_the_budget_is_spent():
     slow, _ = timed(lambda: runs.append("c"), 3, budget=-1.0)
     assert runs.count("c") == 1  # slow work is not run twice
     assert slow.wall >= 0 <= slow.cpu
-
-
-def test_machine_and_commit_are_words():
-    assert f"{os.cpu_count()} cores, torch " in machine()
-    assert commit().strip()
 
 
 def test_the_garden_is_made_of_its_points(points):
@@ -77,15 +54,3 @@ def test_the_garden_is_made_of_its_points(points):
     assert one.scene.scales.min() >= 0.99e-4
     assert one.scene.scales.max() <= 0.0201
     assert 0.2 < render(one.scene, one.camera).alpha.max() <= 1
-
-
-@pytest.mark.parametrize("content", [b"", b"PK nonsense", None], ids=["empty", "broken", "absent"])
-def test_points_that_are_none_are_an_input_error(tmp_path, content):
-    path = tmp_path / "garden.npz"
-    if content is not None:
-        path.write_bytes(content)
-    with pytest.raises(InputError, match="not the garden's points"):
-        speed.garden(1.0, path)
-    np.savez(path, means3d=np.zeros((2, 3)), colors=np.zeros((2, 3)))
-    with pytest.raises(InputError, match="Ks"):
-        speed.garden(1.0, path)

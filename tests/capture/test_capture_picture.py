@@ -7,7 +7,7 @@ import pytest
 import torch
 from PIL import Image
 
-from gsedit.capture.picture import SIZE_PIXELS, framing, save_picture
+from gsedit.capture.picture import SIZE_PIXELS, save_picture
 from gsedit.errors import UsageError
 from rasterizer import look_at
 
@@ -32,10 +32,3 @@ def test_cameras_and_points_are_drawn_and_never_over_another_file(tmp_path):
     assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 20  # the colors of twelve pyramids
     with pytest.raises(UsageError, match="already exists"):
         save_picture(points, colors, orbit(12), path)
-
-
-def test_a_far_background_is_not_framed():
-    near = np.random.default_rng(0).normal(size=(50, 3))
-    far = 1000 + np.zeros((450, 3))
-    _, radius = framing(np.concatenate((near, far)), orbit(8))
-    assert 2 < radius < 4

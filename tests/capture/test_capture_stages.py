@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import os
 import sqlite3
 import subprocess
 import sys
 from collections import Counter
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,9 +14,9 @@ from PIL import Image
 
 from gsedit.capture import stages
 from gsedit.capture.folder import find_photos
-from gsedit.capture.photos import Prepared, _name, prepare
+from gsedit.capture.photos import Prepared, prepare
 from gsedit.capture.settings import exhaustive, sequential
-from gsedit.capture.stages import Stages, Step
+from gsedit.capture.stages import Step
 
 
 @pytest.mark.parametrize("count", [2, 5, 40])
@@ -72,30 +70,6 @@ def test_photos_are_made_upright_small_and_8_bit(tmp_path):
     assert {max(photo.width, photo.height) for photo in small.photos} == {100}
 
 
-def test_names_are_made_such_that_colmap_can_list_them(tmp_path):
-    folder = tmp_path / "photos"
-    folder.mkdir()
-    for name in ("#1.png", "1\u00b22.png", "2 3.png", "2_3.png"):
-        Image.new("RGB", (64, 64)).save(folder / name)
-    names = [photo.name for photo in prepared(folder, tmp_path / "out").photos]
-    assert sorted(names) == ["1\u00b22.png", "2_3.png", "2_3_png.png", "_1.png"]
-    bytes_of_another_code = Path(os.fsdecode(b"4\xff.png"))  # macOS would not write it
-    assert _name(bytes_of_another_code, ".png", set()) == "4\ufffd.png"
-
-
-def test_a_full_disk_is_not_taken_for_an_unreadable_photo(tmp_path, monkeypatch):
-    folder = tmp_path / "photos"
-    folder.mkdir()
-    Image.new("RGB", (80, 64)).save(folder / "1.bmp")
-
-    def full(*_, **__):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(Image.Image, "save", full)
-    with pytest.raises(OSError, match="No space left"):
-        prepared(folder, tmp_path / "out")
-
-
 def test_the_child_does_not_load_torch():
     code = "import sys, gsedit.capture.worker; sys.exit('torch' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], check=False)
@@ -147,23 +121,3 @@ def test_closing_ends_the_child(tmp_path, monkeypatch):
     assert started[0].poll() is None
     steps.close()
     assert started[0].poll() is not None
-
-
-def test_an_error_in_the_child_names_the_log(tmp_path):
-    with pytest.raises(stages.GseditError, match=r"undistortion: .*COLMAP's log: .*log"):
-        list(stages.run("undistortion", {"model": str(tmp_path), "images": str(tmp_path),
-             "output": str(tmp_path / "o"), "rotation": np.eye(3).tolist(), "size": 100,
-             "threads": 1}, tmp_path / "log"))  # fmt: skip
-    assert "Traceback" in (tmp_path / "log").read_text()
-
-
-def test_cleaning_keeps_what_a_database_has_not_merged_yet(tmp_path):
-    stages = Stages(tmp_path, threads=1)
-    database = stages.place("features-a.db")
-    unmerged = [database.with_name(f"{database.name}-{kind}") for kind in ("wal", "shm")]
-    old = tmp_path / "features-b.db"
-    for each in (database, *unmerged, old):
-        each.touch()
-    stages.clean()
-    assert not old.exists()
-    assert all(each.exists() for each in (database, *unmerged, stages.log))

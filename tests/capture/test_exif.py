@@ -10,8 +10,6 @@ import pytest
 from PIL import Image, ImageOps
 
 from gsedit.capture.exif import camera_groups, read_tags, shown
-from gsedit.capture.photos import prepare
-from gsedit.errors import InputError
 
 F35, FOCAL, RESOLUTION, UNIT, TAKEN, NOTE = 0xA405, 0x920A, 0xA20E, 0xA210, 0xA002, 0x927C
 PHONE = {0x010F: "Apple", 0x0110: "iPhone 15"}
@@ -47,14 +45,6 @@ def test_the_sensor_gives_the_focal_length_of_a_shrunk_photo(tmp_path):
     tags = read_tags(photo(tmp_path / "a.jpg", camera=camera))
     assert tags.focal == pytest.approx(600)
     assert tags.focal_source == "EXIF and sensor"
-
-
-@pytest.mark.parametrize(
-    "camera", [{}, {F35: 0}, {F35: 65535}, {FOCAL: 30.0}, {FOCAL: 30.0, RESOLUTION: 0.0}]
-)
-def test_tags_that_say_nothing_leave_the_focal_length_to_be_guessed(tmp_path, camera):
-    tags = read_tags(photo(tmp_path / "a.jpg", camera=camera))
-    assert (tags.focal, tags.focal_source) == (None, "guessed")
 
 
 def test_photos_are_grouped_by_camera_focal_length_and_shown_size(tmp_path):
@@ -114,22 +104,6 @@ def test_the_acceleration_of_an_iphone_shows_the_ground(tmp_path, values, orient
     assert read_tags(path).gravity == pytest.approx(down)
 
 
-@pytest.mark.parametrize(
-    "camera",
-    [
-        {},
-        {NOTE: b"Nikon"},
-        {NOTE: apple_note((0, -1, 0))[:30]},
-        {NOTE: b"Apple iOS\0"},
-        {NOTE: apple_note((0, -3, 0))},  # shaken
-        {NOTE: apple_note((0, -1, 0)), 0xA434: "iPhone 15 front camera 2.7mm f/1.9"},
-    ],
-)
-def test_photos_without_a_usable_acceleration_have_no_gravity(tmp_path, camera):
-    path = photo(tmp_path / "a.jpg", main=PHONE, camera=camera)
-    assert read_tags(path).gravity is None
-
-
 def test_the_photo_of_an_iphone_is_read_as_it_is_shown():
     """phone.heic: 96x64 pixels, orientation 6, 26 mm, held upright."""
     tags = read_tags(Path(__file__).parent / "phone.heic")
@@ -137,18 +111,3 @@ def test_the_photo_of_an_iphone_is_read_as_it_is_shown():
     assert tags.focal == pytest.approx(26 / 43.267 * np.hypot(64, 96))
     assert tags.gravity == pytest.approx((0, 1, 0))
     assert tags.camera == ("Apple", "iPhone 15")
-
-
-def test_the_photo_of_an_iphone_is_prepared_upright(tmp_path):
-    here = Path(__file__).parent
-    *_, prepared = prepare([here / "phone.heic"], tmp_path / "out", 1600, here)
-    (photo,) = prepared.photos
-    assert (photo.name, photo.width, photo.height) == ("phone.jpg", 64, 96)
-    assert not prepared.unreadable
-
-
-def test_a_file_that_is_no_picture_is_named(tmp_path):
-    path = tmp_path / "a.jpg"
-    path.write_bytes(b"no picture")
-    with pytest.raises(InputError, match=r"a\.jpg is no readable picture"):
-        camera_groups([path])

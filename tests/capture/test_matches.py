@@ -6,8 +6,6 @@ import pytest
 import torch
 
 from gsedit.capture.matches import match_pictures
-from gsedit.errors import UsageError
-from gsedit.synthetic import demo_scene, ring_cameras
 from rasterizer.camera import Camera
 
 
@@ -38,11 +36,3 @@ def test_a_moved_picture_has_points_that_moved_as_it_did(texture):
     assert len(here) > 100
     moved = (here - there).median(0).values
     assert moved.tolist() == pytest.approx([14, 9], abs=0.05)
-
-
-def test_parallel_rays_are_refused(texture):
-    from dataclasses import replace
-
-    flat = replace(ring_cameras(demo_scene(), 3, 32)[0], model="ortho")
-    with pytest.raises(UsageError, match="pinhole"):
-        match_pictures({}, {0: flat}, [])

@@ -5,10 +5,8 @@ from __future__ import annotations
 import pytest
 from PIL import Image
 
-from gsedit.capture.exif import camera_groups
 from gsedit.capture.folder import find_photos
-from gsedit.capture.photos import prepare, state_of
-from gsedit.errors import InputError
+from gsedit.capture.photos import prepare
 
 
 def photos(folder, *names, suffix=".jpg"):
@@ -43,11 +41,6 @@ def test_photos_in_folders_are_read_in_the_order_of_the_folders(phones, tmp_path
     assert names[:2] == ["first.jpg", "phone_2_DCIM_IMG_1.jpg"]
     assert len({name.lower() for name in names}) == 6
     assert not any(" " in name for name in names)
-
-
-def test_folders_are_cameras_where_no_photo_names_its_own(phones, tmp_path):
-    groups = camera_groups(find_photos(phones, tmp_path / "out").files)
-    assert [len(group) for group in groups] == [1, 3, 2]
 
 
 def test_what_is_left_out_is_named_with_counts(phones, tmp_path):
@@ -85,16 +78,6 @@ def test_links_out_of_the_folder_are_not_followed(tmp_path):
     assert any("away (2 pictures)" in note for note in found.notes)
 
 
-def test_a_folder_that_cannot_be_read_is_an_error(phones, tmp_path, monkeypatch):
-    def refuse(top, onerror, followlinks):
-        onerror(PermissionError(13, "Permission denied", str(phones / "phone 2")))
-        return iter(())
-
-    monkeypatch.setattr("os.walk", refuse)
-    with pytest.raises(InputError, match=r"phone 2 cannot be read .Permission denied"):
-        find_photos(phones, tmp_path / "out")
-
-
 def test_numbered_folders_are_smaller_copies_only_beside_the_photos(tmp_path):
     for day in ("photos_1", "photos_2"):
         photos(tmp_path / "walk" / day, "a", "b")
@@ -103,19 +86,3 @@ def test_numbered_folders_are_smaller_copies_only_beside_the_photos(tmp_path):
     photos(tmp_path / "walk" / "photos", "a", "b")
     found = find_photos(tmp_path / "walk", tmp_path / "out")
     assert {each.parent.name for each in found.files} == {"photos"}
-
-
-def test_a_link_to_nothing_and_long_names_of_folders(tmp_path):
-    top = tmp_path / "photos"
-    deep = top / ("long " * 30) / ("länger " * 20)
-    photos(deep, "a", "b")
-    (top / "gone.jpg").symlink_to(tmp_path / "nowhere.jpg")
-    (top / "itself.jpg").symlink_to(top / "itself.jpg")
-    found = find_photos(top, tmp_path / "out")
-    assert len(state_of(found.files)) == 4
-    *_, last = prepare(found.files, tmp_path / "prepared", 1600, top)
-    assert [photo.name[-5:] for photo in last.photos] == ["a.jpg", "b.jpg"]
-    assert all(len(photo.name.encode()) <= 204 for photo in last.photos)
-    assert all((tmp_path / "prepared" / photo.name).is_file() for photo in last.photos)
-    assert last.unreadable[0] == "gone.jpg (cannot be read (No such file or directory))"
-    assert last.unreadable[1].startswith("itself.jpg (cannot be read (Too many levels")

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import pytest
 import torch
 
 from gsedit.datasets.cameras_json import (
     cameras_file,
-    own_file,
     read_cameras,
     write_beside,
     write_cameras,
@@ -81,24 +79,3 @@ def test_cameras_of_another_scene_in_the_folder_stay(tmp_path):
     assert write_beside(dog, some_cameras(3), overwrite=True) == tmp_path / "dog.cameras.json"
     assert cameras_file(bear) == tmp_path / "cameras.json"
     assert cameras_file(dog) == tmp_path / "dog.cameras.json"
-
-
-def test_inrias_file_is_found_two_folders_above(tmp_path):
-    scene = tmp_path / "point_cloud" / "iteration_30000" / "point_cloud.ply"
-    scene.parent.mkdir(parents=True)
-    assert cameras_file(scene) is None
-    write_cameras(some_cameras(), tmp_path / "cameras.json")
-    assert cameras_file(scene) == tmp_path / "cameras.json"
-    assert cameras_file(tmp_path / "a" / "b" / "scene.ply") is None
-
-
-@pytest.mark.parametrize(
-    ("scene", "own"),
-    [
-        ("bear.ply", "bear.cameras.json"),
-        ("bear.compressed.ply", "bear.cameras.json"),
-        ("scan.v1.ply", "scan.v1.cameras.json"),  # scan.v2.ply has its own
-    ],
-)
-def test_a_scene_has_cameras_of_its_own_name(scene, own):
-    assert own_file(Path(scene)) == Path(own)

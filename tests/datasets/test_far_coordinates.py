@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -19,7 +18,6 @@ from gsedit.datasets.export_frame import (
     read_dataparser,
     write_export_frame,
 )
-from gsedit.errors import UsageError
 
 UTM = torch.tensor([499871.25, 5412345.5, 312.125], dtype=torch.float64)
 HEAD = "ply\nformat ascii 1.0\nelement vertex 1\n"
@@ -101,35 +99,5 @@ def test_a_scene_of_another_program_is_in_the_frame_of_the_files(tmp_path):
     )
 
 
-def test_another_scenes_file_stays_and_is_not_ours(tmp_path):
-    far, near = far_dataset(tmp_path / "far"), far_dataset(tmp_path / "near", UTM * 0)
-    one, two = tmp_path / "one.ply", tmp_path / "two.ply"
-    assert frame_beside(load_dataset(near), near, two) is None
-    write_beside(load_dataset(far), far, one)
-    before = (tmp_path / NAME).read_bytes()
-    assert write_beside(load_dataset(far), far, one) == tmp_path / NAME
-    assert write_beside(load_dataset(near), near, two) == tmp_path / f"two.{NAME}"
-    assert (tmp_path / NAME).read_bytes() == before
-    data = load_dataset(near)
-    found = in_export_frame(data, near, two)
-    torch.testing.assert_close(found.views[0].camera.center, data.views[0].camera.center)
-    with pytest.raises(UsageError, match=f"two.{NAME} already exists: add -f"):
-        write_beside(load_dataset(far_dataset(tmp_path / "else", 2 * UTM)), far, two)
-
-
 def write_beside(dataset, folder, scene):
     return write_export_frame(frame_beside(dataset, folder, scene), scene)
-
-
-def test_points_of_the_reconstruction_get_what_was_applied(tmp_path):
-    """nerfstudio's poses lie in a turned frame; colmap/sparse/0 in the one before."""
-    import pycolmap
-
-    record = dataset(tmp_path) | {"applied_transform": APPLIED}
-    made = pycolmap.Reconstruction()
-    made.add_point3D(np.array([1.0, 2.0, 3.0]), pycolmap.Track(), np.zeros(3, np.uint8))
-    (tmp_path / "colmap/sparse/0").mkdir(parents=True)
-    made.write(tmp_path / "colmap/sparse/0")
-    points = load_dataset(write(tmp_path, record)).points
-    assert points is not None
-    assert json.loads(json.dumps(points.tolist())) == [pytest.approx([2.5, 1.0, -2.9])]

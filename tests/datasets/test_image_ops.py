@@ -5,13 +5,7 @@ from __future__ import annotations
 import pytest
 import torch
 
-from gsedit.datasets.dataset import evenly_spaced
 from gsedit.datasets.image_ops import downscale, rotate_hue
-
-
-def test_spacing_is_even_and_starts_at_the_first():
-    assert evenly_spaced(96, 8) == [0, 12, 24, 36, 48, 60, 72, 84]
-    assert evenly_spaced(3, 8) == [0, 1, 2]
 
 
 @pytest.mark.parametrize("size", [(4, 3), (5, 4), (1, 1), (8, 6)])
@@ -21,12 +15,6 @@ def test_downscale_keeps_mean_range_and_constants(size):
     assert small.shape == (size[1], size[0], 3)
     torch.testing.assert_close(small.mean((0, 1)), photo.mean((0, 1)))
     torch.testing.assert_close(downscale(torch.ones(6, 8, 3), *size), torch.ones(*small.shape))
-
-
-def test_downscale_by_a_whole_number_is_the_block_mean():
-    photo = torch.rand(6, 8, 3, generator=torch.Generator().manual_seed(0))
-    blocks = photo.reshape(3, 2, 4, 2, 3).mean((1, 3))
-    torch.testing.assert_close(downscale(photo, 4, 3), blocks)
 
 
 def test_a_third_of_a_turn_permutes_the_channels():

@@ -4,39 +4,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import pytest
 import torch
 
 from gsedit import Dataset, View
-from gsedit.datasets.lazy_views import PixelCache, Pixels, of_one_size
+from gsedit.datasets.lazy_views import PixelCache, of_one_size
 from gsedit.synthetic import demo_scene, ring_cameras
 
 CAMERA = ring_cameras(demo_scene(), 1, 8)[0]
 IMAGE = torch.rand(8, 8, 3, generator=torch.Generator().manual_seed(0))
 MASK = IMAGE[..., 0] > 0.5
-
-
-@pytest.mark.parametrize(("room", "made"), [(10**6, 1), (0, 3), (8 * 8 * 5, 1)])
-def test_a_picture_is_made_once_if_there_is_room(room, made):
-    calls = []
-
-    def make() -> Pixels:
-        calls.append(0)
-        return Pixels(IMAGE, MASK, IMAGE[..., 1])
-
-    kept = PixelCache(room)
-    view, other = kept.view("a", CAMERA, make), kept.view("b", CAMERA, make)
-    assert not calls
-    for each in (view, view, other, view):
-        if each is other and room < 10**6:
-            _ = each.image  # another picture was read in between
-            continue
-        if each is view:
-            assert (each.image - IMAGE).abs().max() <= 0.5 / 255 + 1e-7
-            assert torch.equal(each.mask, MASK)
-            assert each.alpha is not None
-            assert (each.alpha - IMAGE[..., 1]).abs().max() <= 0.5 / 255 + 1e-7
-    assert len(calls) == made + (room < 10**6 and room > 0)
 
 
 def test_a_smaller_copy_is_made_when_it_is_read():
@@ -48,11 +24,6 @@ def test_a_smaller_copy_is_made_when_it_is_read():
     assert torch.equal(small.mask, expected.mask)
     assert small.alpha is None
     assert PixelCache().resized(view, 8, 8) is view
-
-
-def test_a_view_is_shown_by_its_size():
-    view = PixelCache().view("a", CAMERA, lambda: Pixels(torch.zeros(0, 0, 3)))
-    assert repr(view) == "View('a', 8x8)"
 
 
 def test_views_of_several_sizes_are_framed_in_the_most_frequent_one():

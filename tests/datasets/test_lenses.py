@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 import torch
 from bad_files import dataset, write
@@ -10,8 +9,7 @@ from photo_sets import cameras, color, rays_of
 from PIL import Image
 
 from gsedit import load_dataset
-from gsedit.datasets.undistort import ColmapLens, Lens, distort, ideal_lens, undistort, undistortion
-from gsedit.errors import InputError
+from gsedit.datasets.undistort import ColmapLens, Lens, undistort, undistortion
 
 K = (0.02, -0.01, 0.004, -0.001)
 SIZE = (80, 60)
@@ -56,21 +54,6 @@ def test_undistorted_photo_is_the_pinhole_picture(model):
     assert undo.lookup.isfinite().all()
 
 
-@pytest.mark.parametrize("model", MODELS)
-def test_a_photo_of_another_size_has_the_lens_scaled(model):
-    lens = lens_of(model)
-    double = lens.scaled(160, 120)
-    xy = torch.tensor([[10.0, 20.0], [70.0, 50.0]], dtype=torch.float64)
-    found = distort(2 * xy, double.zoomed(1.0), double)
-    torch.testing.assert_close(found, 2 * distort(xy, lens.zoomed(1.0), lens))
-
-
-def test_a_lens_without_a_picture_is_refused():
-    wrong = ColmapLens("OPENCV_FISHEYE", (45.0, 45.0, 40.0, 30.0, -50.0, 0.0, 0.0, 0.0), *SIZE)
-    with pytest.raises(InputError, match=r"OPENCV_FISHEYE 45.*leaves no picture: calibrate"):
-        ideal_lens(Lens(45.0, 45.0, 40.0, 30.0, *SIZE, distorted=wrong))
-
-
 def nerfstudio_record(model: str, folder) -> dict:
     record = dataset(folder, size=SIZE)
     params = MODELS[model]
@@ -107,25 +90,3 @@ def test_nerfstudio_and_colmap_read_the_same_lens(model, tmp_path):
     again = load_dataset(tmp_path).views[1]
     assert torch.equal(again.image, view.image)
     assert (again.camera.fx, again.camera.fy) == (view.camera.fx, view.camera.fy)
-
-
-def test_k4_of_an_opencv_lens_is_refused_with_the_two_meanings(tmp_path):
-    record = dataset(tmp_path) | {"k4": 0.1}
-    with pytest.raises(InputError, match=r"frames\[0\].*k4 has two meanings.*FULL_OPENCV.*FISHEYE"):
-        load_dataset(write(tmp_path, record))
-
-
-def test_colmap_pictures_of_all_around_are_refused(tmp_path):
-    import pycolmap
-
-    dataset(tmp_path)
-    (tmp_path / "transforms.json").unlink()
-    made = pycolmap.Reconstruction()
-    camera = pycolmap.Camera.create_from_model_name(1, "EQUIRECTANGULAR", 1.0, 8, 6)
-    made.add_camera_with_trivial_rig(camera)
-    image = pycolmap.Image(name="0.png", camera_id=1, image_id=1)
-    made.add_image_with_trivial_frame(image, pycolmap.Rigid3d(np.eye(4)[:3]))
-    (tmp_path / "sparse/0").mkdir(parents=True)
-    made.write(tmp_path / "sparse/0")
-    with pytest.raises(InputError, match=r"EQUIRECTANGULAR is not supported.*all around"):
-        load_dataset(tmp_path)

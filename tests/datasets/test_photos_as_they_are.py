@@ -13,9 +13,7 @@ from photo_sets import colmap_dataset
 from PIL import Image
 
 from gsedit import load_dataset
-from gsedit.datasets import load as loading
 from gsedit.errors import InputError
-from gsedit.formats.pictures import read_photo
 
 
 def picture(path: Path, size: tuple[int, int], value: Any = 99) -> None:
@@ -36,17 +34,6 @@ def test_photos_that_are_not_there_are_left_out_with_one_note(tmp_path):
     (note,) = data.notes
     for words in ("12 photos", "4 of them", "images/0.png, images/1.png", "other 8"):
         assert words in note
-
-
-@pytest.mark.parametrize(("frames", "missing"), [(20, 11), (9, 2), (3, 1), (3, 3)])
-def test_too_few_photos_are_an_error(frames, missing, tmp_path):
-    with pytest.raises(InputError, match=rf"{frames} photos and {missing} of them .* copy them"):
-        load_dataset(without(tmp_path, frames, missing))
-
-
-def test_a_small_dataset_is_fine_when_it_is_whole(tmp_path):
-    data = load_dataset(without(tmp_path, 2, 0))
-    assert (len(data), data.notes) == (2, ())
 
 
 def test_photos_of_several_sizes_and_both_orientations(tmp_path):
@@ -91,28 +78,6 @@ def test_smaller_copies_are_read_where_they_are_enough(kind, tmp_path):
         assert "images_2 are 4x3" in data.notes[0]
     assert half.views[1].camera.fx == pytest.approx(whole.views[1].camera.fx / 2)
     assert [v.name for v in half.views] == [v.name for v in whole.views]
-
-
-@pytest.mark.parametrize("kind", ["nerfstudio", "colmap"])
-def test_only_smaller_copies_are_there(kind, tmp_path):
-    if kind == "nerfstudio":
-        write(tmp_path, dataset(tmp_path))
-    else:
-        colmap_dataset(tmp_path)
-    (tmp_path / "images").rename(tmp_path / "images_4")
-    for i in range(3):
-        picture(tmp_path / f"images_4/{i}.png", (4, 3))
-    camera = load_dataset(tmp_path).views[0].camera
-    assert (camera.width, camera.height, camera.cx) == (4, 3, 2)
-
-
-def test_a_calibration_of_more_pixels_than_the_photo_has_needs_its_size(tmp_path):
-    record = dataset(tmp_path) | {"cx": 16.0, "cy": 12.0}
-    del record["w"], record["h"]
-    with pytest.raises(
-        InputError, match=r"frames\[0\] .*outside of its 8x6 pixels, .*: add those of"
-    ):
-        load_dataset(write(tmp_path, record))
 
 
 def test_a_photo_is_turned_by_exif_where_only_that_fits(tmp_path):
@@ -175,57 +140,3 @@ def test_a_mask_is_undistorted_with_its_photo(tmp_path):
         assert view.image[view.mask].max() == 0
         assert view.image[~view.mask].min() < 1  # its border is there, and hidden
         assert 0.05 < float((~view.mask).float().mean()) < 0.3
-
-
-def test_a_mask_of_other_proportions_is_refused(tmp_path):
-    """As programs make them that turn photos by their EXIF data, which the poses do not."""
-    record = dataset(tmp_path)
-    picture(tmp_path / "masks/1.png", (6, 8), 255)
-    with pytest.raises(InputError, match=r"mask .*masks/1\.png is 6x8 pixels, its photo 8x6: the"):
-        load_dataset(write(tmp_path, record))
-
-
-def test_a_mask_that_is_named_must_be_there(tmp_path):
-    record = dataset(tmp_path)
-    record["frames"][1]["mask_path"] = "masks/none.png"
-    with pytest.raises(InputError, match=r"frames\[1\] .* masks/none\.png does not exist: copy"):
-        load_dataset(write(tmp_path, record))
-
-
-def test_photos_are_read_when_they_are_asked_for(tmp_path, monkeypatch):
-    read = []
-
-    def counted(path, **options):
-        read.append(path.name)
-        return read_photo(path, **options)
-
-    monkeypatch.setattr(loading, "read_photo", counted)
-    data = load_dataset(write(tmp_path, dataset(tmp_path)))
-    assert read == []
-    first = data.views[1].image
-    assert torch.equal(first, data.views[1].image)
-    assert read == ["1.png"]
-    moved = data.views[2].seen_by(data.views[0].camera)
-    assert read == ["1.png"]
-    assert moved.camera is data.views[0].camera
-    (tmp_path / "images/2.png").unlink()
-    with pytest.raises(InputError, match=r"2\.png cannot be read"):
-        _ = moved.image
-
-
-def test_grey_photos_of_16_bits_keep_their_levels(tmp_path):
-    levels = np.arange(48, dtype=np.uint16).reshape(6, 8) * 1300
-    Image.fromarray(levels).save(tmp_path / "grey.png")
-    expected = torch.from_numpy(levels.astype(np.float32) / 65535)[..., None].expand(6, 8, 3)
-    torch.testing.assert_close(read_photo(tmp_path / "grey.png"), expected)
-
-
-def test_one_masked_pixel_hides_the_pixel_of_a_much_smaller_picture(tmp_path):
-    record = dataset(tmp_path, size=(320, 240))
-    mask = np.full((240, 320), 255, np.uint8)
-    mask[5, 5] = 0
-    (tmp_path / "masks").mkdir()
-    Image.fromarray(mask).save(tmp_path / "masks/1.png")
-    view = load_dataset(write(tmp_path, record), size=8).views[1]
-    assert not view.mask[0, 0]
-    assert int((~view.mask).sum()) == 1

@@ -83,16 +83,6 @@ def test_what_is_wrong_is_named(tmp_path, change, message):
         read_view_list(path)
 
 
-def test_a_list_of_nothing_and_equal_names(tmp_path):
-    path = tmp_path / "views.json"
-    path.write_text('{"frames": []}')
-    with pytest.raises(InputError, match=r"no list of frames.*--save-views"):
-        read_view_list(path)
-    path.write_text(json.dumps({"frames": [FRAME, FRAME]}))
-    with pytest.raises(InputError, match=r"two frames are named 'a.jpg'"):
-        read_view_list(path)
-
-
 def test_roles_of_another_list_go_by_name():
     views = by_capture(viewpoints())
     given = ViewList(views.viewpoints[4:6], ("held_out", "edited"))
@@ -125,28 +115,3 @@ def test_pictures_of_views_are_found_by_their_names(tmp_path):
     assert list(read_view_pictures(tmp_path / "all", some)) == [0]
     (tmp_path / "others" / "images" / "02.png").rename(tmp_path / "others" / "002_02.png")
     assert list(read_view_pictures(tmp_path / "others", viewpoints())) == [2]
-
-
-def test_pictures_of_views_that_differ_in_their_suffix_are_apart(tmp_path):
-    names = ("a.jpg", "a.png", "b.jpg", "B.png")
-    named = [Viewpoint(name, viewpoints()[0].camera) for name in names]
-    grey = [torch.full((10, 12, 3), i / 4) for i in range(4)]
-    pictures = [View(v.name, v.camera, level) for v, level in zip(named, grey)]
-    assert len(set(write_view_pictures(tmp_path, pictures))) == len(names)
-    found = read_view_pictures(tmp_path, named)
-    assert [round(4 * float(found[i].mean())) for i in range(4)] == [0, 1, 2, 3]
-
-
-def test_pictures_that_fit_no_view_are_refused(tmp_path):
-    folder = tmp_path / "pictures"
-    with pytest.raises(InputError, match="has no pictures"):
-        read_view_pictures(folder, viewpoints())
-    write_view_pictures(folder, views((5, 6))[:1])
-    with pytest.raises(InputError, match="smaller than its view, 12x10: measure at --size 6"):
-        read_view_pictures(folder, viewpoints())
-    write_view_pictures(folder, views((10, 20))[:1], overwrite=True)
-    with pytest.raises(InputError, match="proportions differ"):
-        read_view_pictures(folder, viewpoints())
-    (folder / "images" / "00.png").rename(folder / "stranger.png")
-    with pytest.raises(InputError, match="no picture belongs to a view: name them after"):
-        read_view_pictures(folder, viewpoints())

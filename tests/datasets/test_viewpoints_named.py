@@ -32,11 +32,6 @@ def test_a_name_of_none_or_several_is_refused(views, said, told):
         view_named(views, said)
 
 
-def test_without_cameras_the_next_move_is_told():
-    with pytest.raises(UsageError, match="--data"):
-        view_named([], "0")
-
-
 def test_pictures_of_one_size_show_what_their_photos_show():
     """The principal point stays; only pictures of other proportions are centered."""
     first, second = ring_cameras(globe(), 2, 64)

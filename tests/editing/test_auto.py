@@ -9,14 +9,11 @@ import tiny_edits
 import torch
 
 import gsedit
-from gsedit.datasets.dataset import capture
-from gsedit.editing.plan import read_steps, steps_of
+from gsedit.editing.plan import read_steps
 from gsedit.editors import make_editor
 from gsedit.errors import UsageError
-from gsedit.fitting.settings import UpdateSettings
 from gsedit.paper.settings import EditSettings
 from gsedit.select.finder import Names
-from gsedit.words.read import read_instruction
 
 
 def test_python_edits_by_the_route_of_the_sentence(tmp_path):
@@ -51,25 +48,6 @@ def test_painters_take_turns_in_the_order_of_the_sentence(tmp_path):
     gsedit.write_edit(tmp_path / "out", result)
 
 
-def test_views_that_are_found_are_not_rendered_for_their_cameras(monkeypatch):
-    scene, rendered = tiny_edits.scene(), []
-
-    def counted(scene, cameras, *rest):
-        rendered.append(len(cameras))
-        return capture(scene, cameras, *rest)
-
-    for module in ("datasets.viewpoints", "editing.measure"):
-        monkeypatch.setattr(f"gsedit.{module}.capture", counted)
-    result = gsedit.edit(scene, "make it 20% brighter, then in black and white")
-    assert rendered  # the held-out views that are measured and shown
-    assert all(count == len(result.held_out.finals) for count in rendered)
-
-
-def test_a_look_that_nothing_draws_is_told_and_not_what_stands_beside_it():
-    with pytest.raises(gsedit.UsageError, match="look: cubist: small does not draw"):
-        steps_of(read_instruction("remove the bear and make it cubist"))
-
-
 @dataclass(frozen=True)
 class Blank:
     """Masks that are never asked for."""
@@ -94,26 +72,3 @@ def test_masks_are_refused_where_a_2d_editor_draws():
 def test_a_refused_sentence_is_an_error():
     with pytest.raises(UsageError, match="must not"):
         gsedit.edit(tiny_edits.scene(), "do not paint it red", tiny_edits.data())
-
-
-def test_what_changes_hardly_anything_is_told():
-    scene, data = tiny_edits.scene(), tiny_edits.data()
-    gray = gsedit.edit(scene, "in black and white", data)
-    assert gray.notes == ()
-    again = gsedit.edit(gray.scene, "in black and white", data)
-    assert any("hardly anything changed" in note for note in again.notes)
-
-
-@pytest.mark.parametrize(
-    ("settings", "drawn"),
-    [
-        (EditSettings(region="all"), False),
-        (EditSettings(geometry="full"), True),
-        (EditSettings(update=UpdateSettings(loss="mse+gram")), True),
-    ],
-)
-def test_a_setting_of_the_2d_editor_asks_for_it(settings, drawn):
-    from gsedit.editing.edit import prepare
-
-    job = prepare(tiny_edits.scene(), "as a bronze statue", tiny_edits.data(), settings=settings)
-    assert (job.method is not None) == drawn

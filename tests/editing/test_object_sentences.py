@@ -13,13 +13,10 @@ from changes import changed_by
 import gsedit
 from gsedit.datasets.dataset import Dataset, capture
 from gsedit.datasets.viewpoints import Viewpoint, viewpoints_of
-from gsedit.editing.parts import assumed
 from gsedit.editing.preview import preview_exact
-from gsedit.objects import segment
 from gsedit.scene.cache import SceneCache
 from gsedit.scene.picture import render_picture
 from gsedit.select.finder import Finder, Names
-from gsedit.select.phrase import carrier
 from gsedit.words.read import read_instruction
 
 STAGE = stage("meadow")
@@ -111,16 +108,6 @@ def test_what_is_not_there_or_not_plain_is_an_error_of_one_line(meadow, sentence
     assert "\n" not in str(error.value)
 
 
-def test_a_noun_that_nobody_knows_is_told_to_be_the_main_subject(meadow):
-    labelled, views = meadow
-    done = changed_by("keep only the car", finder(labelled, views))
-    assert done.notes[0] == "'the car' was taken for the main subject"
-    ball = labelled.of("red ball")
-    assert len(done.scene) < 1.1 * ball.sum()
-    plain = read_instruction("keep only it")
-    assert assumed((plain,), Names()) == ()
-
-
 @pytest.mark.parametrize("name", ["corner"])
 def test_where_several_objects_are_comparable_an_unknown_noun_is_refused(name):
     labelled = stage(name).gaussians(3000)
@@ -132,26 +119,12 @@ def test_where_several_objects_are_comparable_an_unknown_noun_is_refused(name):
     assert "\n" not in str(error.value)
 
 
-def test_a_table_is_what_carries_things():
-    labelled = stage("table").gaussians(4000)
-    found = carrier(segment(labelled.scene, stage("table").training(96)))
-    assert found is not None
-    table = labelled.of("wooden table")
-    assert (found.inside & table).sum() > 0.8 * (found.inside | table).sum()
-
-
 def test_a_look_reaches_what_a_phrase_names(meadow):
     labelled, views = meadow
     changed = changed_by("make the blue one darker", finder(labelled, views))
     different = (changed.scene.sh != labelled.scene.sh).flatten(1).any(dim=1)
     assert different[labelled.of("blue post")].float().mean() > 0.9
     assert different[labelled.of("red ball")].float().mean() < 0.1
-
-
-def test_a_look_of_what_is_not_there_is_refused(meadow):
-    labelled, views = meadow
-    with pytest.raises(gsedit.UsageError, match="main subject"):
-        changed_by("make the purple bear darker", finder(labelled, views))
 
 
 def test_a_preview_is_of_the_objects_that_the_edit_finds(meadow):

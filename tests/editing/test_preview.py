@@ -9,8 +9,7 @@ from labelled import statue
 from gsedit.cameras.orbit import circle
 from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.editing.edit import change_steps
-from gsedit.editing.preview import preview_edited, preview_exact
-from gsedit.editors import Capabilities, EditProgress, make_editor
+from gsedit.editing.preview import preview_exact
 from gsedit.measures.metrics import psnr
 from gsedit.paper.settings import EditSettings
 from gsedit.runs.events import returned
@@ -53,36 +52,3 @@ def test_a_preview_of_a_material_is_as_the_edit_shows_it(labelled, viewpoints):
         whole = render_picture(changed.scene, viewpoints[0].camera)
     assert psnr(found.after[0].image, whole) > 40
     assert psnr(found.before.image, whole) < 30
-
-
-def test_seeds_give_candidates_of_one_look(labelled, viewpoints):
-    scene, camera = labelled.gaussians, viewpoints[0].camera
-    found = preview_edited(scene, "as a pencil sketch", camera, make_editor(), (3, 4, 3))
-    assert [view.name for view in found.after] == ["seed 3", "seed 4", "seed 3"]
-    first, second, again = (view.image for view in found.after)
-    assert torch.equal(first, again)
-    assert not torch.equal(first, second)
-    assert float((first - found.before.image).abs().mean()) > 0.02
-
-
-class Enlarging:
-    """Swaps red and blue, and was made for twice the size; keeps the size of what it was given."""
-
-    name, cell, capabilities = "enlarging", 4, Capabilities(best_size=2 * SIZE, enlarges=True)
-
-    def check(self, prompt):
-        pass
-
-    def edit(self, batch, settings, generator):
-        self.given = batch.images.shape[1:3]
-        yield EditProgress(1, 1, batch.originals.flip(-1))
-
-
-def test_a_small_view_is_drawn_at_the_size_that_the_editor_was_made_for(labelled, viewpoints):
-    scene, camera, editor = labelled.gaussians, viewpoints[0].camera, Enlarging()
-    found = preview_edited(scene, "swap", camera, editor)
-    assert editor.given == (2 * SIZE, 2 * SIZE)
-    assert found.after[0].image.shape == (SIZE, SIZE, 3)
-    assert psnr(found.after[0].image, found.before.image.flip(-1)) > 30
-    preview_edited(scene, "swap", camera, editor, size=SIZE // 2)
-    assert editor.given == (SIZE // 2, SIZE // 2)

@@ -9,13 +9,11 @@ import torch
 from closeness import EPS32, assert_near
 
 from gsedit.consistency.correspond import Correspondences
-from gsedit.diffusion.guidance import Need, guide
 from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editors import EditBatch, make_editor
-from gsedit.editors.closed_form import CODE, ClosedForm, Mixture, Perturbation, perturb
+from gsedit.editors import EditBatch
+from gsedit.editors.closed_form import CODE, ClosedForm, Mixture, Perturbation
 from gsedit.editors.looks.recipe import LOOKS, VARIANTS, agreed_variant, parse
 from gsedit.editors.sampling import DiffusionEditor
-from gsedit.errors import UsageError
 
 SIZE = 64
 UNPERTURBED = Perturbation(gain=0.0, hue=0.0, shift=0.0)
@@ -103,30 +101,6 @@ def test_latent_is_an_isometry_with_an_exact_inverse():
     torch.testing.assert_close(model.decode(za), a)
 
 
-def test_variants_are_equally_likely_at_the_start():
-    model = ClosedForm()
-    views = picture()[None]
-    condition = model.condition(views, "bronze", generator())
-    ab = model.schedule.alpha(932)
-    chances = condition.text_image.responsibilities(model.encode(views), (1 - ab) / ab)
-    torch.testing.assert_close(chances, torch.full_like(chances, 1 / 3))
-
-
-def test_guidance_is_inert_at_a_variant():
-    """There the image branch answers as the text does, so s_T cancels and nothing overshoots."""
-    model = ClosedForm(perturbation=UNPERTURBED)
-    views = picture()[None].double()
-    condition = model.condition(views, "bronze", generator())
-    target = model.encode_edited(parse("bronze").variant(views, 2), views, "bronze")
-    text, image, none = model.branches(
-        target * model.schedule.alpha(1) ** 0.5, 1.0, condition, Need()
-    )
-    assert none is not None
-    torch.testing.assert_close(
-        guide(text, image, none, 7.5, 1.5), guide(text, image, none, 30.0, 1.5)
-    )
-
-
 @pytest.mark.parametrize(
     "settings",
     [
@@ -191,60 +165,6 @@ def test_views_follow_an_anchor(k):
     assert followed >= 9  # of 12; 4 by chance
 
 
-def test_reproducible_and_in_range():
-    views, matches = overlapping()
-    first, again, other = (
-        edit(views, "make it snow", SamplerSettings(), seed, matches=matches) for seed in (3, 3, 4)
-    )
-    assert torch.equal(first, again)
-    assert not torch.equal(first, other)
-    assert first.min() >= 0
-    assert first.max() <= 1
-
-
-def test_perturbation_is_each_views_own_and_small():
-    variants = picture().expand(3, 2, -1, -1, -1)
-    moved = perturb(variants, Perturbation(), generator())
-    assert torch.equal(moved[0], moved[1])  # one draw a view, whatever the variant
-    assert not torch.equal(moved[0, 0], moved[0, 1])
-    assert (moved - variants).square().mean().sqrt() < 0.05  # 26 dB
-    untouched = perturb(variants, UNPERTURBED, generator())
-    torch.testing.assert_close(untouched, variants, rtol=0, atol=1e-5)  # bicubic weights, rounded
-
-
-@pytest.mark.parametrize(
-    ("prompt", "names"),
-    [
-        ("turn the bear into a bronze statue", ("bronze",)),
-        ("Make it SNOW!", ("snow",)),
-        ("as a marble statue at night", ("marble", "night")),
-        ("at night, in marble", ("night", "marble")),
-        ("a black-and-white photo", ("black-and-white",)),
-        ("what would it look like in the golden hour?", ("sunset",)),
-        ("golden", ("gold",)),
-        ("turn it into a statue", ("stone",)),
-        ("snow, more snow", ("snow",)),
-        ("a wintry pencil drawing", ("snow", "sketch")),
-    ],
-)
-def test_words_choose_looks(prompt, names):
-    assert parse(prompt).names == names
-
-
-def test_what_must_not_be_is_no_look():
-    assert parse("marble, not gold").names == ("marble",)
-    with pytest.raises(UsageError, match="what must not be"):
-        parse("remove the snow")
-
-
-def test_unknown_and_empty_instructions_say_what_to_do():
-    with pytest.raises(UsageError, match=r"bronze, gold.*--editor pix2pix --model FOLDER"):
-        parse("turn him into Batman")
-    for empty in ("", "  ", "?!"):
-        with pytest.raises(UsageError, match="empty"):
-            parse(empty)
-
-
 @pytest.mark.parametrize("name", LOOKS)
 def test_look_is_evident_and_its_variants_differ(name):
     image = picture()[None].double()
@@ -265,21 +185,3 @@ def test_most_looks_are_pointwise(name):
     direct = parse(name).variants(shuffled.reshape(1, SIZE, SIZE, 3))
     sums = (each.flatten(2, 3).sum(2) for each in (direct, parse(name).variants(image[None])))
     assert_near(*sums, SIZE * EPS32)  # of SIZE x SIZE values, added in another order
-
-
-def test_answer_is_the_majoritys_variant():
-    views, _ = overlapping()
-    recipe = parse("bronze")
-    edited = torch.stack([recipe.variant(v, k) for v, k in zip(views, (2, 0, 2, 2))])
-    assert agreed_variant(recipe, edited, views) == (2, (2, 0, 2, 2))
-    find = make_editor("closed-form").capabilities.find_ground_truth
-    ground_truth = find("bronze", edited, views)
-    assert torch.equal(ground_truth(views), recipe.variant(views, 2))
-
-
-def test_batches_that_do_not_belong_together():
-    views, matches = overlapping()
-    with pytest.raises(UsageError, match="match the cells"):
-        edit(views[:2], "gold", OFF, matches=matches)
-    with pytest.raises(UsageError, match="no view"):
-        edit(views[:0], "gold", OFF)

@@ -67,20 +67,6 @@ def test_the_instruction_is_one_argument_whatever_is_in_it(program, tmp_path, pr
 # ---- how it may fail: every error says what remains, and nothing is lost -------------------------
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        ("my_editor {output}", r"--run has no \{input\}.*my_editor \{input\} \{output\}"),
-        ("my_editor {input}", r"--run has no \{output\}"),
-        ("my_editor {input} {output} {promt}", r"knows no \{promt\}, only \{input\}, .*\{prompt\}"),
-        ("my_editor '{input} {output}", "cannot be split.*No closing quotation"),
-    ],
-)
-def test_a_command_that_makes_no_sense(words, message):
-    with pytest.raises(UsageError, match=message):
-        Command(words)
-
-
 def test_what_cannot_be_run_is_said_before_the_work(tmp_path):
     missing = Command("surely_no_such_program {input} {output}")
     with pytest.raises(UsageError, match=r"no program 'surely_no_such_program'.*install it"):
@@ -159,24 +145,3 @@ def test_a_program_s_pictures_are_harmonised(program):
     torch.testing.assert_close(together, torch.full((2, 6, 8, 3), 0.3))
     half = run(program(code), request, SamplerSettings(consensus_weight=0.5))
     torch.testing.assert_close(half, apart * 0.5 + 0.15)
-
-
-COPY = """
-import sys
-from pathlib import Path
-from shutil import copy
-for path in sorted(Path(sys.argv[1]).iterdir()):
-    copy(path, Path(sys.argv[2]) / path.name)
-"""
-
-
-@pytest.mark.parametrize(("field", "expected"), [("renders", "images"), ("masks", "subject")])
-def test_a_program_may_ask_for_renders_and_masks(tmp_path, field, expected):
-    (tmp_path / "copy.py").write_text(COPY)
-    words = f"{{python}} {tmp_path / 'copy.py'} {{{field}}} {{output}} {{input}}"
-    request = batch(subject=torch.tensor([0.0, 1.0])[:, None, None].expand(2, 6, 8))
-    images = run(Command(words, folder=tmp_path / "exchange"), request)
-    given = getattr(request, expected)
-    if field == "masks":
-        given = given[..., None].expand(-1, -1, -1, 3)
-    torch.testing.assert_close(images, given, rtol=0, atol=1 / 255)

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import shlex
-from importlib.metadata import EntryPoint
 
 import pytest
 import torch
 
 from gsedit.editors import make_masks
 from gsedit.editors.command.editor import MaskCommand
-from gsedit.errors import GseditError, InputError, UsageError
+from gsedit.errors import GseditError, InputError
 
 RED = """
 import sys
@@ -68,35 +67,3 @@ def test_its_masks_are_probabilities_of_the_pictures_size(tmp_path):
 def test_what_a_program_does_wrong_is_told(tmp_path, code, kind, message):
     with pytest.raises(kind, match=message):
         list(command(tmp_path, code).masks(pictures(), "red"))
-
-
-@pytest.mark.parametrize(
-    ("run", "message"),
-    [
-        ("segment {input}", r"--masks-run has no \{output\}.*as in --masks-run \"my_segmenter"),
-        ("segment {input} {output} {prompt}", r"knows no \{prompt\}, only \{input\}"),
-        ("'segment {input} {output}", "cannot be split"),
-    ],
-)
-def test_commands_that_are_none(run, message):
-    with pytest.raises(UsageError, match=message):
-        make_masks("command", run=run)
-
-
-def test_a_program_that_is_not_there():
-    provider = make_masks("command", run="no-such-program {input} {output}")
-    with pytest.raises(UsageError, match=r"no program 'no-such-program'.*--masks-run"):
-        provider.check("red")
-
-
-def test_providers_by_name(monkeypatch):
-    other = EntryPoint("known", "gsedit.editors.command.editor:MaskCommand", "gsedit.masks")
-    monkeypatch.setattr("gsedit.editors.plugins.entry_points", lambda group: [other])
-    assert isinstance(make_masks("known", run="segment {input} {output}"), MaskCommand)
-    with pytest.raises(UsageError, match="choose one of command, clipseg, grounded-sam, known"):
-        make_masks("sam9")
-    with pytest.raises(UsageError, match="the known masks has no option --masks-model"):
-        make_masks("known", model="folder", run=None)
-    for name, needed in (("command", "run"), ("clipseg", "model"), ("grounded-sam", "sam")):
-        with pytest.raises(UsageError, match=f"--masks-{needed}"):
-            make_masks(name)

@@ -110,39 +110,6 @@ def test_listing_them_loads_no_torch():
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
-def test_what_pix2pix_misses_is_named(monkeypatch, tmp_path):
-    monkeypatch.setattr("huggingface_hub.constants.HF_HUB_CACHE", str(tmp_path))
-    monkeypatch.setattr(registry, "find_spec", lambda name: None)
-    packages, weights = next(each for each in list_editors() if each.name == "pix2pix").needs
-    assert "accelerate, diffusers, transformers: pip install 'gsedit[diffusers]'" in packages
-    assert "--model" in weights
-    assert "hf download timbrooks/instruct-pix2pix --local-dir FOLDER" in weights
-
-
-@pytest.mark.parametrize(
-    ("name", "options", "message"),
-    [
-        (
-            "closed-from",
-            {},
-            "no editor 'closed-from': choose one of small, closed-form, pix2pix, diffusers, "
-            "command",
-        ),
-        (
-            "closed-form",
-            {"model": "x"},
-            "no option --model: it takes none; --editor pix2pix or --editor diffusers has it",
-        ),
-        ("pix2pix", {"run": "x"}, "no option --run: it takes --model, --weights-dir"),
-        ("command", {"weights_dir": "x"}, "no option --weights-dir: it takes --run, --timeout"),
-        ("command", {}, "needs to know the program: add --run"),
-    ],
-)
-def test_a_request_that_no_editor_can_meet(name, options, message):
-    with pytest.raises(UsageError, match=message):
-        make_editor(name, **options)
-
-
 def test_a_third_party_s_editor_is_made_and_listed(packages):
     assert "mirror" in registry.EDITORS.names()
     editor = make_editor("mirror", model="m", run=None, folder=Path("offered"))

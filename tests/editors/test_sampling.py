@@ -10,12 +10,11 @@ import torch
 import torch.nn.functional as F
 
 from gsedit.consistency.correspond import Correspondences
-from gsedit.diffusion.guidance import Branches, Predictor
+from gsedit.diffusion.guidance import Branches
 from gsedit.diffusion.schedules import Schedule
 from gsedit.diffusion.settings import SamplerDefaults, SamplerSettings
-from gsedit.editors import Capabilities, Denoiser, EditBatch
+from gsedit.editors import Capabilities, EditBatch
 from gsedit.editors.sampling import DiffusionEditor, padded
-from gsedit.errors import UsageError
 
 CELL = 2
 SD = Schedule.scaled_linear()
@@ -82,29 +81,3 @@ def test_padding_and_cropping_move_nothing(height, width):
     assert torch.equal(labels[:, :rows, :columns], request.correspondences.labels)
     assert (labels[:, rows:] == -1).all()
     assert (labels[:, :, columns:] == -1).all()
-
-
-@pytest.mark.parametrize("grid", [(7, 8), (8, 13), (17, 8)])
-def test_correspondences_of_other_pictures_are_refused(grid):
-    images = ramps(16, 17)  # 8 x 9 cells, the last of them of one column; padded to 8 x 12
-    with pytest.raises(UsageError, match=r"the images have \(2, 8, 9\): match the cells"):
-        padded(EditBatch(images, images, "x", cells(*grid)), Unchanged())
-
-
-def test_what_the_denoiser_declares_is_forwarded_with_the_denoiser():
-    denoiser = Unchanged()
-    assert isinstance(denoiser, Predictor)
-    assert isinstance(denoiser, Denoiser)
-    declared = DiffusionEditor(denoiser).capabilities
-    assert declared.denoiser is denoiser
-    assert declared.defaults == DECLARED.defaults
-    assert declared.find_ground_truth is None
-
-
-@pytest.mark.parametrize("what", ["images", "originals"])
-def test_a_picture_that_is_not_finite_is_refused_before_anything_runs(what):
-    pictures, broken = ramps(8, 8), ramps(8, 8)
-    broken[1, 3, 2, 0] = torch.nan
-    batch = EditBatch(**({"images": pictures, "originals": pictures} | {what: broken}), prompt="x")
-    with pytest.raises(UsageError, match=f"the {what[:-1]} of view 1 .* NaN or infinity"):
-        list(DiffusionEditor(Unchanged()).edit(batch, SamplerSettings(steps=1), torch.Generator()))

@@ -2,34 +2,26 @@
 
 from __future__ import annotations
 
-import json
-import re
 from dataclasses import replace
 
 import pytest
 import torch
 from closeness import NETWORK, assert_near
-from safetensors import safe_open
 from small_networks import random_network
 
-from gsedit.diffusion.guidance import Need
 from gsedit.diffusion.guided import predict_guided
 from gsedit.diffusion.settings import SamplerSettings
 from gsedit.editors import EditBatch, make_editor
 from gsedit.editors.sampling import DiffusionEditor
-from gsedit.editors.small import WEIGHTS
 from gsedit.editors.small.editor import (
-    DEFAULTS,
     Small,
     SmallEditor,
-    load_small,
 )
 from gsedit.editors.small.network import CELL_PIXELS, CHANNELS
-from gsedit.errors import InputError, UsageError
+from gsedit.errors import UsageError
 from gsedit.synthetic import demo_scene, ring_cameras
 from gsedit.words.looks import LOOKS
 
-CARD = WEIGHTS.with_name("MODEL_CARD.md").read_text(encoding="utf-8")
 SETTINGS = SamplerSettings(steps=2)
 GOLD, TWO = LOOKS["gold"].wording, "a golden statue in the snow"
 
@@ -55,21 +47,6 @@ def test_the_latents_are_the_pixels(small):
     torch.testing.assert_close(latents.norm(), (2 * images - 1).norm())
 
 
-@pytest.mark.parametrize(
-    "need", [Need(), Need(True, False, False), Need(False, True, True), Need(True, True, False)]
-)
-def test_only_the_branches_in_need_are_predicted(small, need):
-    originals = pictures(3, 16, 16)
-    condition = small.condition(originals, "make it snow", torch.Generator())
-    x = noise(3, CHANNELS, 4, 4)
-    every = small.branches(x, 500.0, condition, Need())
-    some = small.branches(x, 500.0, condition, need)
-    for wanted, expected, predicted in zip(need, every, some):
-        assert (predicted is not None) == wanted
-        if predicted is not None:
-            assert_near(predicted, expected, NETWORK)
-
-
 def test_micro_batches_change_nothing():
     network = random_network()
     originals, x = pictures(5, 16, 16), noise(5, CHANNELS, 4, 4)
@@ -89,14 +66,6 @@ def edit(editor, images, prompt=GOLD, seed=0, **settings):
     sampler = SamplerSettings(**{"steps": 3} | settings)
     *_, last = editor.edit(batch, sampler, torch.Generator().manual_seed(seed))
     return last.images
-
-
-@pytest.mark.parametrize("other", [{"guidance_text": 7.5}, {"temperature": 1.0}])
-def test_its_defaults_are_used_unless_a_setting_is_given(small, other):
-    editor, images = DiffusionEditor(small), pictures(1, 16, 16)
-    declared = DEFAULTS._asdict() | {"steps": 3}
-    assert torch.equal(edit(editor, images), edit(editor, images, **declared))
-    assert not torch.equal(edit(editor, images), edit(editor, images, **other))
 
 
 def test_where_the_subject_is_can_be_told(small):
@@ -142,16 +111,6 @@ def test_two_looks_are_two_passes_the_subjects_first(small):
     torch.testing.assert_close(steps[-1].images, last.images)
 
 
-def test_anchored_views_stay_as_they_are_in_both_passes(small):
-    asked = batch(TWO, views=3)
-    finished = torch.rand(16, 16, 3, generator=torch.Generator().manual_seed(5))
-    images = torch.stack((asked.images[0], asked.images[1], finished))
-    asked = replace(asked, images=images, anchored=torch.tensor([False, False, True]))
-    *_, last = run(SmallEditor(small), asked)
-    assert torch.equal(last.images[2], finished)
-    assert not torch.equal(last.images[:2], images[:2])
-
-
 def test_what_no_look_does_is_refused_with_all_of_them(small):
     for sentence in ("", "?!"):
         with pytest.raises(UsageError, match="the sentence is empty: say what should change"):
@@ -162,29 +121,7 @@ def test_what_no_look_does_is_refused_with_all_of_them(small):
         small.condition(pictures(1, 16, 16), TWO, torch.Generator())
 
 
-def test_a_broken_file_is_named(tmp_path):
-    path = tmp_path / "broken.safetensors"
-    path.write_bytes(b"not weights at all")
-    with pytest.raises(InputError, match=r"broken\.safetensors does not hold .*install it again"):
-        load_small(path)
-
-
 # ---- the weights that come with gsedit -----------------------------------------------------------
-
-
-def test_the_card_states_how_they_were_made():
-    small = load_small()
-    weights = sum(value.numel() for value in small.network.state_dict().values())
-    assert f"{weights / 1e6:.1f} M weights" in CARD
-    assert f"{WEIGHTS.stat().st_size / 1e6:.1f} MB" in CARD
-    s_T, s_I, temperature, *_ = DEFAULTS
-    assert f"s_T {s_T:g}, s_I {s_I:g}, starting noise of {temperature:g}" in CARD
-    sizes = [int(size) for size in re.findall(r"steps of \d+ at (\d+)", CARD)]
-    assert small.capabilities.best_size == max(sizes)
-    listed = re.sub(r"\W+", " ", CARD.split("## Looks")[1].split("##")[0])
-    assert all(name.replace("-", " ") in listed for name in LOOKS)
-    with safe_open(WEIGHTS, framework="pt") as file:
-        assert json.loads(file.metadata()["looks"]) == list(LOOKS)
 
 
 def colorfulness(picture):

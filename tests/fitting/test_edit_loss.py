@@ -6,7 +6,6 @@ import pytest
 import torch
 
 from gsedit.errors import UsageError
-from gsedit.fitting import edit_loss as module
 from gsedit.fitting.edit_loss import check_installed, edit_loss
 from gsedit.fitting.settings import LossTerm, UpdateSettings
 from gsedit.measures.features import FilterBank
@@ -67,17 +66,6 @@ def test_perceptual_is_the_learned_distance_and_has_a_gradient():
     loss.backward()
     assert image.grad.abs().max() > 0
     check_installed(UpdateSettings(loss="l1+perceptual"))
-
-
-def test_perceptual_without_its_weights_is_refused_with_the_next_move(monkeypatch):
-    monkeypatch.setattr(module, "is_installed", lambda: False)
-    monkeypatch.setattr(module, "perceptual_distance", lambda: None)
-    settings = UpdateSettings(loss="l1+perceptual")
-    with pytest.raises(UsageError, match=r"gsedit\[perceptual\]"):
-        check_installed(settings)
-    with pytest.raises(UsageError, match=r"gsedit\[perceptual\]"):
-        loss_of(settings)
-    check_installed(UpdateSettings())
 
 
 @pytest.mark.parametrize(

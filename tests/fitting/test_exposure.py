@@ -56,22 +56,6 @@ def test_maps_are_used_where_exposures_differ(spread, active):
     assert exposures.active == active
 
 
-def test_few_photos_do_not_say_whether_exposures_differ():
-    picture, views = photos(0.2, 9)
-    exposures = Exposures(views, "auto")
-    drawn(exposures, picture, views, 4)
-    assert not exposures.active
-
-
-def test_transparent_photos_and_those_of_mode_off_stay_as_they_are():
-    picture, (view, *others) = photos(0.2)
-    exposures = Exposures([view, *others], "off")
-    assert exposures.compensated(picture, view, view.image) is picture
-    exposures = Exposures([view, *others], "on")
-    clear = replace(view, alpha=torch.ones(24, 24))
-    assert exposures.compensated(picture, clear, view.image) is picture
-
-
 def test_masked_pixels_say_nothing_about_the_exposure():
     picture, (view, *others) = photos(0.2)
     mask = torch.zeros(24, 24, dtype=torch.bool)

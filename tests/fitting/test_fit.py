@@ -10,7 +10,6 @@ from point_clouds import ball
 
 from gsedit import Checkpoint, Event, FitSettings, fit, fit_steps
 from gsedit.errors import UsageError
-from gsedit.fitting import initial
 from gsedit.fitting.budget import LEAST_STEPS
 from gsedit.fitting.densify import densify, faded
 from gsedit.fitting.fit import evaluate
@@ -73,26 +72,6 @@ def test_a_budget_that_the_photos_use_up_still_makes_a_few_steps():
     assert (result.scene.sh - start.sh).abs().max() > 1e-3  # the rates are the budget's last
     *_, result = fit_steps(data, replace(settings, steps=3), generator=generator())
     assert result.steps == 3
-
-
-def test_the_sweep_takes_no_more_than_its_share_of_the_budget(monkeypatch):
-    now, swept = 0.0, []
-
-    def slow_sweep(view, *rest):
-        nonlocal now
-        now += 1.0
-        swept.append(view.name)
-        return sweep_one(view, *rest)
-
-    sweep_one = initial._sweep
-    monkeypatch.setattr(initial, "_sweep", slow_sweep)
-    settings = FitSettings(steps=2, seconds=12.0, dense_start=500, coarse=())
-    data = photos(16, 32)
-    *_, result = fit_steps(data, settings, generator=generator(), clock=lambda: now)
-    assert result.steps == 2
-    assert len(swept) == 4  # 3 s are not more than a quarter
-    rows = sorted(int("".join(filter(str.isdigit, name))) for name in swept)
-    assert rows[-1] - rows[0] >= 8  # spread over all photos
 
 
 def test_a_fit_without_budget_or_photos_is_refused():
@@ -206,21 +185,3 @@ def test_replacing_the_scene_keeps_the_moments_of_the_rows_that_stay():
     pull(two)
     assert torch.allclose(one.scene.means[order[:2]], two.scene.means[:2])
     assert not torch.allclose(one.scene.means[5], two.scene.means[2])
-
-
-def test_densify_lowers_opacities_by_the_decay_and_by_half_at_most():
-    opacities = torch.tensor([0.003, 0.006, 0.02, 0.5, 1.0])
-    scene = replace(ball(5), logit_opacities=torch.logit(opacities))
-    lower = torch.tensor([0.0015, 0.003, 0.016, 0.496, 0.996])
-    assert torch.allclose(faded(scene, 0.004).opacities, lower, atol=1e-6)
-    grown, origin, _ = densify(scene, torch.zeros(5), 5)
-    assert origin.tolist() == [2, 3, 4]
-    assert torch.allclose(grown.opacities, lower[2:], atol=1e-6)
-    full = replace(scene, logit_opacities=torch.full((5,), 20.0))
-    assert faded(full, 1e-9).logit_opacities.isfinite().all()
-
-
-def test_a_fading_scene_keeps_its_most_opaque():
-    scene = replace(ball(20), logit_opacities=torch.linspace(-20, -10, 20))
-    kept, _, _ = densify(scene, torch.zeros(20), 20)
-    assert len(kept) > 0

@@ -137,16 +137,3 @@ def test_a_state_of_another_shape_or_type_is_refused(name, kind):
         return  # a field without a gradient has no moments
     with pytest.raises(ValueError, match=r"state has no|finite|none"):
         second.load_state(state)
-
-
-@pytest.mark.parametrize("rows", [[-1], [12], [1 << 40]])
-def test_the_kernel_is_not_called_for_what_it_cannot_take(rows):
-    value = torch.zeros(12, 3)
-    good = lazy_adam.Moving(value, torch.zeros(12, 3), torch.zeros(12, 3))
-    few = torch.zeros(1, 3)
-    if lazy_adam.load() is not None:
-        assert lazy_adam._accepts(good, few, torch.tensor([3]))
-    assert not lazy_adam._accepts(good, few, torch.tensor(rows))
-    assert not lazy_adam._accepts(good, torch.zeros(2, 3), torch.tensor([3]))
-    assert not lazy_adam._accepts(good, few, None)
-    assert not lazy_adam._accepts(good._replace(first=torch.zeros(1, 3)), None, None)

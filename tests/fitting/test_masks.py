@@ -14,7 +14,7 @@ from gsedit.fitting.fit import evaluate
 from gsedit.fitting.optimizer import SceneOptimizer
 from gsedit.fitting.photometric import supervised
 from gsedit.fitting.settings import UpdateSettings
-from gsedit.fitting.update import Target, coarse, rates, update_steps
+from gsedit.fitting.update import Target, rates, update_steps
 from gsedit.measures import losses
 from gsedit.measures.features import FilterBank
 from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
@@ -95,25 +95,6 @@ def test_masked_pixels_are_not_measured(scene, views):
     assert evaluate(scene, (*wrong, nothing)) == evaluate(scene, wrong)
     with pytest.raises(UsageError, match="masks hide every"):
         evaluate(scene, (nothing,))
-
-
-def test_a_smaller_pixel_is_masked_where_any_under_it_is():
-    camera = ring_cameras(demo_scene(), 1, 12)[0]
-    mask = torch.ones(12, 12, dtype=torch.bool)
-    mask[4, 7] = False
-    alpha = torch.zeros(12, 12)
-    alpha[:6] = 1
-    view = View("a", camera, torch.zeros(12, 12, 3), mask, alpha)
-    small = view.resized(5, 4)
-    assert small.mask is not None
-    assert small.alpha is not None
-    assert (~small.mask).nonzero().tolist() == [[1, 2], [1, 3]]  # columns of 2.4 pixels
-    torch.testing.assert_close(small.alpha[:, 0], torch.tensor([1.0, 1, 0, 0]))
-    assert view.resized(12, 12) is view
-    large = View("b", camera.resized(800, 400), torch.zeros(400, 800, 3), torch.zeros(400, 800) > 0)
-    mask = coarse(large).mask
-    assert mask is not None
-    assert not mask.any()
 
 
 def test_a_transparent_photo_asks_for_a_transparent_scene(scene, views):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import torch
 
-from gsedit.fitting.random_crops import random_crop, share_of_crops
+from gsedit.fitting.random_crops import random_crop
 from gsedit.synthetic import demo_scene, ring_cameras
 
 
@@ -24,17 +24,3 @@ def test_the_borders_of_a_picture_are_in_a_third_as_many_crops_as_its_middle_or_
     columns, rows = counts.mean(0), counts.mean(1)
     assert min(columns[0], columns[-1]) >= columns[128] / 3
     assert min(rows[0], rows[-1]) >= rows[64] / 3
-
-
-def test_a_crop_as_large_as_the_picture_is_the_picture():
-    generator = torch.Generator().manual_seed(0)
-    assert all(random_crop(camera(64, 64), 64, generator) == (0, 0, 64, 64) for _ in range(20))
-
-
-def test_pictures_smaller_than_a_crop_are_one_crop_high():
-    for height, width in ((16, 16), (63, 63), (62, 110), (1, 1)):
-        all_of_it = torch.ones(height, width, dtype=torch.bool)
-        corner = torch.zeros(height, width, dtype=torch.bool)
-        corner[0, 0] = True
-        assert share_of_crops([all_of_it, all_of_it], 64) == 1
-        assert 0 < share_of_crops([corner], 64) <= 1

@@ -67,20 +67,3 @@ def test_a_start_without_points_is_where_the_photos_agree(photos):
     assert (scene.means.norm(dim=-1) - 1).abs().median() < 0.1
     again = initial_scene(bare, 0, generator(), swept=1000)
     assert torch.equal(scene.means, again.means)
-
-
-def test_a_start_keeps_to_its_limit(photos):
-    assert len(initial_scene(photos, 0, generator(), swept=500, at_most=300)) == 300
-    assert len(initial_scene(photos, 0, generator(), swept=500)) > 5000
-
-
-def test_small_photos_give_fewer_patches_than_are_asked_for(photos):
-    small = [view.resized(40, 40) for view in photos.views]
-    places, _ = swept_points(small, 10**6, (0.2, 0.7), generator())
-    assert 50 < len(places) <= len(small) * 8 * 8  # 5x5 pixels each
-
-
-def test_photos_smaller_than_a_patch_are_no_fault(photos):
-    tiny = [view.resized(3, 1) for view in photos.views]
-    places, _ = swept_points(tiny, 500, (0.2, 0.7), generator())
-    assert places.isfinite().all()

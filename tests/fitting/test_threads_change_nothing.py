@@ -12,14 +12,10 @@ import pytest
 import torch
 
 from gsedit import FitSettings, fit
-from gsedit.fitting import lazy_adam
-from gsedit.fitting.densify import densify
 from gsedit.fitting.optimizer import SceneOptimizer
 from gsedit.fitting.settings import UpdateSettings
 from gsedit.fitting.update import Target, rates, update_steps
 from gsedit.measures.features import FilterBank
-from gsedit.measures.losses import l1, mse
-from gsedit.measures.metrics import squared_error
 from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians, traced_dataset
 from rasterizer import Execution
 from rasterizer.blending.choose import is_compiled
@@ -94,45 +90,3 @@ def test_an_update(kernel, threads):
     (losses, scene), (more_losses, more_scene) = updated(1), updated(threads)
     assert losses == more_losses
     assert same(scene, more_scene)
-
-
-@cache
-def settled(threads: int):
-    torch.set_num_threads(threads)
-    random = torch.Generator().manual_seed(0)
-    moving = lazy_adam.Moving(*torch.rand(3, ROWS, 3, generator=random).unbind())
-    missed = torch.rand(ROWS, generator=random)
-    steps = torch.randint(1, 400, (ROWS,), generator=random)
-    lazy_adam.settle(moving, torch.arange(ROWS), missed, steps)
-    return moving
-
-
-def test_rows_that_missed_steps(threads):
-    assert all(map(torch.equal, settled(1), settled(threads)))
-
-
-@cache
-def measured(threads: int):
-    torch.set_num_threads(threads)
-    random = torch.Generator().manual_seed(0)
-    pairs = torch.rand(4, 2, 203, 203, 3, generator=random).unbind()
-    return [(mse(a, b), l1(a, b), squared_error(a, b)) for a, b in pairs]
-
-
-def test_losses_and_errors(threads):
-    assert measured(1) == measured(threads)
-
-
-@cache
-def densified(threads: int):
-    scene = start()
-    many = scene[torch.arange(4 * ROWS) % ROWS]
-    random = torch.Generator().manual_seed(0)
-    logits = torch.randn(len(many), generator=random)
-    torch.set_num_threads(threads)
-    gradients = torch.rand(len(many), generator=random)
-    return densify(replace(many, logit_opacities=logits), gradients, 5 * ROWS).scene
-
-
-def test_a_densification(threads):
-    assert same(densified(1), densified(threads))

@@ -156,27 +156,6 @@ def test_nodes_place_their_splats(tmp_path):
     assert_near(to_axes(again, LUF), placed, **{**EXACT, "means": 1e-5, "opacities": 1e-5}, sh=1e-5)
 
 
-def test_another_color_space_is_named(tmp_path):
-    scene, data = by_hand(random_table(5, 0))
-    about = scene["meshes"][0]["primitives"][0]["extensions"][EXTENSION]
-    about["colorSpace"] = "lin_rec709_display"
-    source = open_scene(glb(tmp_path / "a.glb", scene, data))
-    assert any("lin_rec709_display" in note for note in source.notes)
-
-
-def test_negative_scales_are_logarithms(tmp_path):
-    """As drafts of the extension stored them."""
-    table = random_table(50, 0)
-    scene, data = by_hand(table)
-    row = scene["bufferViews"][0]["byteStride"]
-    rows = np.frombuffer(bytearray(data), "<f4").reshape(50, row // 4)
-    at = scene["accessors"][1]["byteOffset"] // 4
-    rows[:, at : at + 3] = table.log_scales
-    source = open_scene(glb(tmp_path / "a.glb", scene, rows.tobytes()))
-    assert "logarithms" in source.notes[0]
-    np.testing.assert_array_equal(source.table().log_scales, table.log_scales)
-
-
 LIES = {
     "count": (lambda s: s["accessors"][0].update(count=10**12), "promises 1000000000000 rows"),
     "other_count": (lambda s: s["accessors"][0].update(count=4), "have"),
@@ -213,11 +192,3 @@ def test_a_file_that_lies_is_refused(lie, tmp_path):
     with pytest.raises(InputError, match=words) as raised:
         open_scene(path).table()
     assert str(path) in str(raised.value)
-
-
-@pytest.mark.parametrize("length", [3, 15, 40, 900])
-def test_a_cut_file_is_refused(length, tmp_path):
-    write(tmp_path / "a.glb", random_table(30, 0))
-    (tmp_path / "b.glb").write_bytes((tmp_path / "a.glb").read_bytes()[:length])
-    with pytest.raises(InputError):
-        open_scene(tmp_path / "b.glb").table()

@@ -6,19 +6,14 @@ import os
 import subprocess
 import sys
 import time
-import tracemalloc
 
-import numpy as np
 import pytest
-from bad_files import dataset, write
+from bad_files import dataset
 from PIL import Image
 from splat_tables import random_table
 
-from gsedit import load_dataset
-from gsedit.datasets.load import LARGE_PIXELS
 from gsedit.errors import InputError
-from gsedit.formats.flags import read_flags
-from gsedit.formats.pictures import LIMIT_VARIABLE, picture_size, read_photo
+from gsedit.formats.pictures import picture_size
 from gsedit.formats.registry import open_scene
 from gsedit.formats.validity import invalid_rows
 
@@ -81,38 +76,6 @@ def test_a_small_file_of_a_large_picture_takes_no_memory(tmp_path):
     assert int(done.stdout) * unit < 100e6
 
 
-def test_the_limit_of_pixels_can_be_moved(tmp_path, monkeypatch):
-    Image.new("L", (40, 30)).save(tmp_path / "a.png")
-    monkeypatch.setenv(LIMIT_VARIABLE, "0.001")
-    with pytest.raises(
-        InputError, match=r"a\.png .*40x30 pixels, 0\.001 million .*" + LIMIT_VARIABLE
-    ):
-        picture_size(tmp_path / "a.png")
-    monkeypatch.setenv(LIMIT_VARIABLE, "0.0012")
-    assert picture_size(tmp_path / "a.png") == (40, 30)
-
-
-def test_a_large_photo_that_is_read_small_is_averaged_first(tmp_path):
-    side = int(LARGE_PIXELS**0.5) + 40
-    pixels = np.zeros((side, side, 3), np.uint8)
-    pixels[:, side // 2 :] = 200
-    Image.fromarray(pixels).save(tmp_path / "a.png", compress_level=1)
-    tracemalloc.start()
-    small = read_photo(tmp_path / "a.png", size=(40, 40))
-    assert tracemalloc.get_traced_memory()[1] < 1 << 20
-    tracemalloc.stop()
-    assert small[:, :19].max() == 0
-    assert np.allclose(small[:, 21:], 200 / 255)
-
-
-def test_floating_point_photos_are_refused(tmp_path):
-    record = dataset(tmp_path)
-    Image.fromarray(np.full((6, 8), 0.5, np.float32)).save(tmp_path / "images" / "1.tiff")
-    record["frames"][1]["file_path"] = "images/1.tiff"
-    with pytest.raises(InputError, match=r"1\.tiff .*floating-point"):
-        load_dataset(write(tmp_path, record))
-
-
 @pytest.mark.parametrize(
     "lines",
     [
@@ -156,12 +119,3 @@ def test_what_is_no_file_is_refused_at_once(tmp_path, suffix):
     reader = picture_size if suffix == ".png" else open_scene
     with pytest.raises(InputError, match="a pipe or a device"):
         reader(pipe)
-
-
-def test_a_region_that_announces_more_than_it_has_is_refused(tmp_path):
-    path = tmp_path / "region.npy"
-    header = "{'descr': '|b1', 'fortran_order': False, 'shape': (100000000000000,), }"
-    text = header.ljust(117) + "\n"
-    path.write_bytes(b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little") + text.encode())
-    with pytest.raises(InputError, match=r"region\.npy is no readable"):
-        read_flags(path, 3)

@@ -7,7 +7,6 @@ import pytest
 import trimesh
 from PIL import Image
 
-from gsedit.errors import InputError
 from gsedit.formats.registry import open_scene
 from gsedit.formats.scenes import load
 from gsedit.formats.streams import ReadOptions
@@ -115,15 +114,6 @@ def test_colors_of_a_gltf_are_linear_light(shape, tmp_path):
     np.testing.assert_allclose(table.colors, expected, atol=0.01)
 
 
-def test_a_surface_without_colors_is_grey_and_has_no_holes(tmp_path):
-    table = open_scene(export(quad(), tmp_path / "a.stl"), FEW).table()
-    np.testing.assert_allclose(table.colors, 0.6, atol=0.01)
-    at = np.random.default_rng(0).random((500, 2)) * 0.8 + 0.1
-    squared = ((at[:, None] - table.means[None, :, :2]) ** 2).sum(-1) / table.scales[0, 0] ** 2
-    alpha = 0.98 * np.exp(-squared / 2)
-    assert (1 - alpha).prod(1).max() < 0.05  # what shines through
-
-
 def test_a_point_cloud_becomes_balls_as_wide_as_the_points_are_apart(tmp_path):
     grid = np.stack(np.meshgrid(*[np.arange(4.0)] * 3), -1).reshape(-1, 3) / 10
     colors = np.tile(np.uint8([255, 0, 51, 255]), (64, 1))
@@ -135,34 +125,3 @@ def test_a_point_cloud_becomes_balls_as_wide_as_the_points_are_apart(tmp_path):
     np.testing.assert_allclose(table.scales, 0.05, rtol=1e-4)
     np.testing.assert_allclose(table.colors, np.tile([1, 0, 0.2], (64, 1)), atol=1e-5)
     assert len(load(tmp_path / "a.ply")) == 64
-
-
-def test_a_part_without_area_is_named(tmp_path):
-    line = trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]], process=False)
-    source = open_scene(export(trimesh.Scene([quad(), line]), tmp_path / "a.glb"), FEW)
-    assert source.count == 2000
-    assert source.notes[1:] == ("parts without area or points left out: 1",)
-
-
-def test_points_that_are_nowhere_are_refused_with_the_name_of_their_file(tmp_path):
-    lines = ["ply", "format ascii 1.0", "element vertex 2"]
-    lines += [f"property float {axis}" for axis in "xyz"]
-    (tmp_path / "a.ply").write_text("\n".join([*lines, "end_header", "0 0 nan", "1 1 1", ""]))
-    with pytest.raises(InputError, match=r"a\.ply cannot be read .*not finite"):
-        open_scene(tmp_path / "a.ply")
-
-
-def test_what_is_no_mesh_is_refused(tmp_path):
-    for name, content in {"a.obj": b"v 1 2", "b.stl": b"x" * 100, "c.off": b"OFF\n9 9 9"}.items():
-        (tmp_path / name).write_bytes(content)
-        with pytest.raises(InputError, match="export it again"):
-            open_scene(tmp_path / name)
-
-
-def test_texture_coordinates_of_one_number_are_none(tmp_path):
-    Image.new("RGB", (2, 2), "red").save(tmp_path / "a.png")
-    (tmp_path / "a.mtl").write_text("newmtl m\nKd 0 1 0\nmap_Kd a.png\n")
-    (tmp_path / "a.obj").write_text(
-        "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0\nvt 1\nvt 0\nusemtl m\nf 1/1 2/2 3/3\n"
-    )
-    assert len(load(tmp_path / "a.obj")) > 0

@@ -16,8 +16,7 @@ from splat_tables import assert_near, random_table
 
 from gsedit.errors import InputError
 from gsedit.formats.registry import open_scene, write_scene
-from gsedit.formats.sog.encode import codebook, lossless_webp, nearest_codes, palette
-from gsedit.formats.sog.file import picture_size
+from gsedit.formats.sog.encode import lossless_webp
 from gsedit.formats.streams import SceneHeader, in_blocks
 from gsedit.scene.morton import morton_order
 from gsedit.scene.table import SplatTable
@@ -78,50 +77,6 @@ def test_what_is_written_is_read_within_its_steps(degree, tmp_path, monkeypatch)
         assert error < 0.15  # 256 entries for 300 rows that have nothing in common
         theirs = by_gsply(tmp_path / "a.sog", monkeypatch)
         assert_near(theirs, again, **dict.fromkeys((*bounds, "colors", "sh"), 1e-3))
-
-
-def test_pictures_keep_what_is_transparent():
-    pixels = np.random.default_rng(0).integers(0, 256, (8, 12, 4), dtype=np.uint8)
-    pixels[:4, :, 3] = 0
-    data = lossless_webp(pixels)
-    assert picture_size(data) == (12, 8)
-    np.testing.assert_array_equal(np.asarray(Image.open(io.BytesIO(data))), pixels)
-
-
-def test_codebooks_and_palettes_err_little():
-    rng = np.random.default_rng(0)
-    values = rng.normal(size=20_000).astype(np.float32)
-    codes = codebook(values)
-    error = ((codes[nearest_codes(values, codes)] - values) ** 2).mean()
-    assert error < 2 * np.sqrt(3) * np.pi / 2 / 256**2  # twice Panter and Dite's for a normal
-    assert np.abs(codes[nearest_codes(values, codes)] - values).max() < 0.25  # the far ones too
-    rows = rng.normal(size=(4096, 4)).astype(np.float32)
-    vectors, labels = palette(rows, 512)
-    assert vectors.shape == (512, 4)
-    assert ((vectors[labels] - rows) ** 2).mean() < 0.12  # k-means reaches 0.09
-    few, labels = palette(rows[:5].repeat(9, 0), 512)
-    np.testing.assert_array_equal(few[labels], rows[:5].repeat(9, 0))
-
-
-def test_values_that_are_almost_equal_have_a_codebook(tmp_path):
-    """Their range has fewer steps of float32 than the histogram has bins."""
-    values = -5 + np.linspace(0, 1e-3, 500, dtype=np.float32)
-    codes = codebook(values)
-    assert np.abs(codes[nearest_codes(values, codes)] - values).max() < 1e-5
-    table = random_table(50, 1)
-    sizes = table.replace(log_scales=-5 + 1e-4 * table.log_scales)
-    again = open_scene(write(tmp_path / "a.sog", sizes)).table()
-    ordered = sizes[morton_order(sizes.means)]
-    np.testing.assert_allclose(again.log_scales, ordered.log_scales, atol=1e-5)
-
-
-def test_rows_of_one_value_are_exact(tmp_path):
-    table = random_table(1, 1)
-    table = SplatTable(**{n: getattr(table, n).repeat(5, 0) for n in
-                          ("means", "quats", "log_scales", "logit_opacities", "sh")})  # fmt: skip
-    again = open_scene(write(tmp_path / "a.sog", table)).table()
-    np.testing.assert_allclose(again.means, table.means, rtol=1e-6)
-    np.testing.assert_allclose(again.sh, table.sh, rtol=1e-5)
 
 
 def _name(meta, name: str) -> None:
@@ -186,10 +141,3 @@ def test_a_link_out_of_the_folder_is_refused(tmp_path):
     (folder / "scales.webp").symlink_to(tmp_path / "outside.webp")
     with pytest.raises(InputError, match="leaves"):
         open_scene(folder).table()
-
-
-@pytest.mark.parametrize("data", [b"PK\x03\x04", b"x" * 500], ids=["cut", "no_zip"])
-def test_what_is_no_zip_is_refused(data, tmp_path):
-    (tmp_path / "a.sog").write_bytes(data)
-    with pytest.raises(InputError, match="no readable zip"):
-        open_scene(tmp_path / "a.sog")

@@ -11,12 +11,11 @@ import numpy as np
 import pytest
 from splat_tables import random_table
 
-from gsedit.errors import InputError, UsageError
+from gsedit.errors import InputError
 from gsedit.formats.axes import RUB, from_axes
 from gsedit.formats.registry import open_scene, write_scene
 from gsedit.formats.streams import SceneHeader, in_blocks
 from gsedit.formats.table import USD
-from gsedit.scene.similarity import similarity_of
 from gsedit.scene.table import SplatTable
 from gsedit.toolkit.align import AlignLength
 from gsedit.toolkit.transform import Transform, scale
@@ -63,19 +62,6 @@ def test_text_keeps_places_and_light_exactly(degree, tmp_path):
     assert source.header.antialiased
 
 
-def test_the_unit_and_the_axis_that_is_up_are_kept(tmp_path):
-    table = random_table(50, 1)
-    told = ("metersPerUnit 0.01", "upAxis Z")
-    source = open_scene(write(tmp_path / "a.usda", table, comments=told))
-    written = (tmp_path / "a.usda").read_text()
-    assert "metersPerUnit = 0.01" in written
-    assert 'upAxis = "Z"' in written
-    assert source.header.comments == told
-    assert_same(source.table(), table, 1e-5)
-    through = write(tmp_path / "a.ply", table, comments=source.header.comments)
-    assert open_scene(through).header.comments == told
-
-
 def test_the_unit_changes_with_the_scale():
     header = SceneHeader(0, comments=("mine", "metersPerUnit 0.01", "upAxis Z"))
     doubled = Transform(scale(2.0)).header(header)
@@ -120,19 +106,6 @@ def test_a_binary_file_of_nvidia_is_read():
     assert_same(source.table(), from_axes(table, RUB), 1e-5)
 
 
-def test_without_the_library_the_extra_is_named(tmp_path, monkeypatch):
-    monkeypatch.setattr("gsedit.formats.usd.file.find_spec", lambda name: None)
-    for act in (
-        lambda: open_scene(TINY / "tiny.usdc"),
-        lambda: open_scene(TINY / "tiny-nvidia.usda"),
-        lambda: write(tmp_path / "a.usdz", random_table(5, 0)),
-        lambda: write(tmp_path / "a.usda", random_table(5, 0)),
-    ):
-        with pytest.raises(UsageError, match=r"pip install 'gsedit\[usd\]'"):
-            act()
-    assert [*tmp_path.iterdir()] == []
-
-
 def test_definitions_are_merged_each_in_its_place(tmp_path):
     degree_0 = field("a", 2, "  uniform int radiance:sphericalHarmonicsDegree = 0\n")
     body = f"""
@@ -165,33 +138,6 @@ def Mesh "f" {{}}
         "splats that the stage hides left out: 1",
         "splats merged from 2 definitions",
     )
-
-
-def test_half_precision_is_read_where_no_other_is(tmp_path):
-    more = "  half3[] scalesh = [(1, 2, 4), (1, 1, 1)]\n  half[] opacitiesh = [0.5, 0.25,]\n"
-    table = open_scene(text(tmp_path, field("a", 2, more))).table()
-    np.testing.assert_allclose(table.scales[0], (1, 2, 4), rtol=1e-6)
-    np.testing.assert_allclose(table.opacities, (0.5, 0.25), rtol=1e-6)
-    more += '  float[] opacities = [0.125, 0.5]\n  token colorSpace:name = "lin_rec709_scene"\n'
-    source = open_scene(text(tmp_path, field("a", 2, more)))
-    np.testing.assert_allclose(source.table().opacities, (0.125, 0.5), rtol=1e-6)
-    assert [note.partition(":")[0] for note in source.notes] == ["its colors are said to be linear"]
-
-
-def test_light_turns_with_its_place(tmp_path):
-    table = random_table(40, 3)
-    matrix = np.eye(4)
-    matrix[:3, :3] = 2 * np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
-    raw = write(tmp_path / "b.usda", table).read_text()
-    rows = ", ".join(str(tuple(row)) for row in matrix.T.tolist())
-    inner = raw[raw.index("def ") :]
-    path = text(
-        tmp_path,
-        f'def Xform "w" {{\n matrix4d xformOp:transform = ({rows})\n'
-        f'uniform token[] xformOpOrder = ["xformOp:transform"]\n{inner}}}',
-    )
-    expected = from_axes(similarity_of(matrix).table(from_axes(table, RUB)), RUB)
-    assert_same(open_scene(path).table(), expected, 1e-4)
 
 
 REFUSED = {
@@ -237,9 +183,3 @@ def test_layers_of_one_folder_are_put_together_and_no_others(tmp_path):
         archive.writestr("a.usda", b"#usda 1.0\n" + b" " * (64 << 20))
     with pytest.raises(InputError, match="cannot be read as USD"):
         open_scene(inside / "a.usdz")
-
-
-def test_definitions_that_unpack_to_any_length_are_refused(tmp_path):
-    again = "".join(f'def "i{i}" (prepend references = </a>) {{}}\n' for i in range(500))
-    with pytest.raises(InputError, match="unpacks to more than 16 MB"):
-        open_scene(text(tmp_path, field("a", 4000) + again))

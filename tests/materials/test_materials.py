@@ -15,24 +15,20 @@ from plain_scenes import needles, same_bits
 
 from gsedit.errors import UsageError
 from gsedit.materials.apply import Relief, displayed, engraved, fitted, in_material
-from gsedit.materials.named import material_of, paint_of
+from gsedit.materials.named import material_of
 from gsedit.materials.patterns import Ground, share_of
-from gsedit.materials.shading import environment_brdf, lighting
-from gsedit.materials.table import MATERIALS, Layer, Material, PatternName, recolored
+from gsedit.materials.shading import environment_brdf
+from gsedit.materials.table import MATERIALS, Layer, Material, PatternName
 from gsedit.scene.picture import render_picture
 from gsedit.scene.quaternions import even_directions
 from gsedit.surface.normals import rows_near
-from gsedit.surface.surroundings import studio
-from gsedit.synthetic import demo_scene, ring_cameras, scenes, surface_gaussians
-from gsedit.words import lexicon
+from gsedit.synthetic import ring_cameras, scenes
 from gsedit.words.read import read_instruction
-from rasterizer import Camera, Gaussians, look_at
+from rasterizer import Camera
 from rasterizer.harmonics import basis
 from rasterizer.numerics import SH_DC
-from rasterizer.render import backproject
 
 PATTERNS = get_args(PatternName)
-PAINT = paint_of("matte teal", "#008080")
 BRONZE = Material("#b98550", metalness=1.0, roughness=0.38)
 
 
@@ -51,12 +47,6 @@ def subject_error(scene, lit, camera, finish):
     truth = lit.photograph(finish, camera, 24, 1).float()
     hit = lit.solid.trace(camera).hit
     return float((render_picture(scene, camera) - truth)[hit].square().mean().sqrt())
-
-
-def test_every_material_that_sends_light_is_made_last():
-    sends = {n for n, each in MATERIALS.items() if any(p.glow for p in (each, *each.layers))}
-    assert "glow" in sends
-    assert sends <= lexicon.sets()["emits"]
 
 
 @pytest.mark.parametrize("name", ["glow", "glowing jade"])
@@ -81,24 +71,6 @@ def test_every_material_has_parameters_in_range():
         assert all(0 <= each <= 1 for each in shares), name
         colors = [material.color, *(layer.color for layer in material.layers)]
         assert all(len(color) == 7 and int(color[1:], 16) >= 0 for color in colors), name
-
-
-def test_words_say_finish_color_and_what_lies_over():
-    brushed = material_of("brushed copper with green patina")
-    assert brushed.metalness == 1
-    assert {layer.pattern for layer in brushed.layers} >= {"grain", "crevices"}
-    granite = material_of("polished black granite", "#000000")
-    assert granite.coat > 0.5
-    assert granite.color == "#000000"
-    assert material_of("matte teal", "#029386").is_matte
-    assert not material_of("glossy red", "#e50000").is_matte
-    assert any(layer.pattern == "up" for layer in material_of("stone with moss").layers)
-    assert material_of("nothing of the kind") is None
-
-
-def test_a_pattern_in_another_color_is_as_much_darker():
-    veined = Material("#808080", layers=(Layer("veins", "#606060"),))
-    assert recolored(veined, "#a04040").layers[0].color == "#802020"
 
 
 @pytest.mark.parametrize("pattern", PATTERNS)
@@ -175,12 +147,6 @@ def test_what_a_picture_shows_is_shaded_as_in_the_whole(ball):
     assert torch.equal(away.sh[:, :1], scene.sh)
 
 
-def test_the_same_twice_is_the_same(ball):
-    _, scene, own, cameras = ball
-    first, second = (in_material(scene, own, MATERIALS["jade"], cameras).scene for _ in range(2))
-    assert torch.equal(first.sh, second.sh)
-
-
 def test_an_object_alone_is_lit_by_a_studio(ball):
     _, scene, own, _ = ball
     alone = scene[own]
@@ -245,21 +211,10 @@ def test_a_dark_stripe_of_another_hue_goes(ball):
     assert after < 0.4 * before
 
 
-def a_scene(n: int = 400) -> Gaussians:
-    return surface_gaussians(demo_scene(), n, torch.Generator().manual_seed(0))
-
-
 def _grown(camera: Camera) -> Camera:
     pose = camera.world_to_camera.clone()
     pose[:3, 3] *= 100
     return replace(camera, world_to_camera=pose)
-
-
-def test_black_surroundings_leave_finite_light():
-    scene = a_scene()
-    around = studio(scene.means.mean(0), torch.tensor((0.0, 0.0, 1.0)))
-    black = replace(around, radiance=torch.zeros_like(around.radiance))
-    assert bool(lighting(black).maps.isfinite().all())
 
 
 def test_a_larger_world_has_the_same_colors(ball):
@@ -271,24 +226,3 @@ def test_a_larger_world_has_the_same_colors(ball):
     made = in_material(scene, own, MATERIALS["gold"], cameras).scene
     grown = in_material(larger, own, MATERIALS["gold"], [_grown(c) for c in cameras]).scene
     torch.testing.assert_close(grown.sh, made.sh, atol=0.02, rtol=0)
-
-
-def test_one_gaussian_is_painted():
-    made = in_material(a_scene()[:1], torch.ones(1, dtype=torch.bool), PAINT)
-    assert bool(made.scene.sh.isfinite().all())
-
-
-def test_double_precision_is_painted_as_single():
-    scene = a_scene()
-    inside = torch.arange(len(scene)) < 200
-    single = in_material(scene, inside, PAINT).scene.sh
-    double = scene.map(torch.Tensor.double)
-    assert torch.allclose(in_material(double, inside, PAINT).scene.sh.float(), single, atol=0.02)
-
-
-def test_maps_that_are_projected_back_have_the_size_of_the_picture():
-    camera = look_at(
-        torch.tensor((0.0, 0, 4)), torch.zeros(3), torch.tensor((0.0, 1, 0)), 50.0, 32, 24
-    )
-    with pytest.raises((TypeError, ValueError)):
-        backproject(a_scene(), camera, torch.ones(10, 10, 3))

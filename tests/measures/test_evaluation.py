@@ -13,7 +13,6 @@ from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.measures.evaluation import evaluate
 from gsedit.measures.evaluation_input import EvaluationInput
 from gsedit.measures.metrics import psnr
-from gsedit.measures.table import GROUND_TRUTH, METRICS, NO_UNEDITED, PAIRS
 from gsedit.scene.picture import render_picture
 from gsedit.select.region import Region, coverage
 from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
@@ -95,31 +94,6 @@ def test_a_region_that_is_too_large_hides_what_given_masks_show(scene, views):
     assert exact.measured["psnr_outside_masks"]["all"].value > given.value + 5
 
 
-def test_points_are_compared_where_a_matcher_finds_them(scene, views):
-    """Targets that jump from view to view differ at points; those of one edited scene do not."""
-    cameras = [each.camera for each in views.viewpoints]
-    edited, places = brighter(scene, by=0.2), scene.means[::5].double()
-
-    def matcher(pictures, sizes, pairs):
-        assert {max(picture.shape[:2]) for picture in pictures.values()} == {512}
-        return {(a, b): tuple(sizes[i].project(places)[0].float() for i in (a, b))
-                for a, b in pairs}  # fmt: skip
-
-    agreeing = {i: render_picture(edited, cameras[i]) for i in (1, 2, 5)}
-    jumping = {i: (image + 0.1 * (i - 2)).clamp(0, 1) for i, image in agreeing.items()}
-    excess = []
-    for targets in (agreeing, jumping):
-        given = EvaluationInput(edited, views, targets, unedited=scene, matcher=matcher)
-        found = evaluate(given)
-        rows = {row.pictures: row for row in found.points}
-        assert set(rows) == {"targets", "renders"}
-        assert found.record()["points_targets"]["against"].startswith("SIFT")
-        excess.append(rows["targets"].excess)
-    assert excess[1] > excess[0] + 0.05
-    nothing = EvaluationInput(scene, views, unedited=scene, matcher=matcher)
-    assert "where the edit changed" in evaluate(nothing).not_measured["points_renders"]
-
-
 def test_targets_are_compared_view_by_view(scene, views):
     edited = brighter(scene)
     cameras = [each.camera for each in views.viewpoints]
@@ -154,23 +128,6 @@ def test_colors_that_jump_between_views_are_an_excess(scene, views):
     assert rows[0].unedited == rows[1].unedited
     assert rows[0].excess < 0.03
     assert rows[1].excess > 0.08
-
-
-def test_nothing_is_missing_without_a_word(scene, views):
-    found = evaluate(EvaluationInput(scene, views))
-    assert not found.measured
-    told = {name for name, row in METRICS.items() if row.needs is not GROUND_TRUTH}
-    assert set(found.not_measured) == told | {*PAIRS}
-    assert found.not_measured["rmse_to_unedited"] == NO_UNEDITED
-    assert all("add " in reason or ": " in reason for reason in found.not_measured.values())
-    half = ViewList(views.viewpoints[1:3], ("edited", "edited"))
-    found = evaluate(EvaluationInput(scene, half, unedited=scene))
-    assert (
-        "no view of the list is held out"
-        in found.not_measured["rmse_to_unedited at held_out views"]
-    )
-    assert "held-out view is needed" in found.not_measured["warp_renders_short"]
-    assert "region" in found.not_measured["rmse_outside_region"]
 
 
 def test_exact_masks_of_a_staged_scene_tell_a_right_edit_from_one_that_spills():

@@ -45,14 +45,6 @@ def test_known_pixels_keep_their_bits_and_the_rest_is_not_touched():
     assert np.isfinite(done.picture[HOLE]).all()
 
 
-def test_too_little_that_is_known_makes_a_smooth_picture():
-    picture = (COLUMNS / 64)[..., None] * np.ones(3)
-    known = (COLUMNS < 2) | (COLUMNS >= 62)
-    done = complete(picture, known, ~known)
-    assert not done.textured
-    assert np.abs(done.picture - picture).max() < 1e-3
-
-
 def test_the_membrane_goes_on_with_given_steps():
     picture = np.stack((ROWS * 1.0, COLUMNS * 2.0), -1)
     pairs = pixel_pairs(HOLE, ~HOLE)
@@ -94,15 +86,3 @@ def test_a_shadow_is_found_and_paint_is_not():
     rug = np.where((away < 14)[..., None], (0.6, 0.1, 0.1), pattern("stripes"))
     shade, _ = find_shade(rug, everywhere, ~everywhere, caster, ~everywhere, 40.0)
     assert (shade == 1).all()
-
-
-def test_a_shadow_of_what_else_stands_there_stays():
-    caster, other = (np.hypot(ROWS - 32, COLUMNS - column) < 5 for column in (20, 44))
-    everywhere = np.ones((64, 64), bool)
-    away = np.hypot(ROWS - 32, np.minimum(np.abs(COLUMNS - 20), np.abs(COLUMNS - 44)))
-    light = 1 - 0.5 * np.clip(1 - away / 11, 0, 1)
-    picture = pattern("checker") * light[..., None]
-    shade = find_shade(picture, everywhere, ~everywhere, caster, other, 40.0)[0].mean(-1)
-    ring = (away > 5) & (away < 9) & (COLUMNS < 26)
-    assert shade[ring].mean() < 0.95  # a mean: of equal textures any one may be made up
-    assert (shade[:, 44:] == 1).all()

@@ -17,7 +17,6 @@ from gsedit.cameras.orbit import circle
 from gsedit.errors import UsageError
 from gsedit.objects import remove
 from gsedit.objects.outcome import Outcome
-from gsedit.objects.removal.cells import rectangle_around
 from gsedit.objects.removal.remains import mirrored_under, resting_on
 from gsedit.select.region import Region, coverage
 from rasterizer.camera import Camera
@@ -110,17 +109,6 @@ def test_what_else_stands_there_and_its_shadow_keep_their_bits():
     assert len(kept) == int(((each.scene.means - stone).norm(dim=1) < 0.3).sum())
 
 
-@pytest.mark.parametrize("turn", [0.0, 0.5])
-def test_a_rectangle_with_a_bite_is_completed(turn):
-    y, x = np.indices((60, 60)) - 30.0
-    across, along = np.cos(turn) * x + np.sin(turn) * y, np.cos(turn) * y - np.sin(turn) * x
-    face = (np.abs(across) < 15) & (np.abs(along) < 10)
-    bitten = face & (across + along < 12)
-    found = rectangle_around(bitten)
-    assert (found & face).sum() > 0.97 * face.sum()
-    assert found.sum() < 1.15 * face.sum()
-
-
 @pytest.mark.parametrize("kind", ["eroded", "dilated", "noisy"])
 def test_selections_by_people_are_good_enough(kind):
     each = case("meadow")
@@ -152,26 +140,6 @@ def test_an_object_in_nothing_leaves_nothing():
     outcome = remove(scene, inside, cameras)
     assert len(outcome.scene) == 800
     assert not outcome.changed.any()
-
-
-def test_cameras_are_found_where_there_are_none():
-    scene, inside, _ = floating()
-    few = torch.arange(1600) % 3 == 0
-    assert not remove(scene[few], inside[few]).dropped(int(few.sum()))[~inside[few]].any()
-
-
-def test_one_view_is_told():
-    each = case("glimpse")
-    outcome = remove(each.scene, each.inside, each.cameras[:1])
-    assert any("one view" in note for note in outcome.notes)
-
-
-def test_what_stood_on_it_is_told_and_what_nobody_saw():
-    each = case("table")
-    box = stage("table").labelled(each.scene).of("green box")
-    notes = remove(each.scene, box, each.cameras).notes
-    assert any("hangs in the air" in note for note in notes)
-    assert any("no camera saw" in note and "%" in note for note in notes)
 
 
 def test_its_mirror_image_in_a_glossy_floor_goes_along():
@@ -223,17 +191,3 @@ def test_requests_that_cannot_be_met_are_refused_in_one_line(change, says):
     with pytest.raises(UsageError, match=says) as refused:
         remove(scene, inside, cameras)
     assert "\n" not in str(refused.value)
-
-
-def test_an_object_that_no_camera_sees_is_refused():
-    scene, inside, cameras = floating()
-    far = replace(scene, means=torch.where(inside[:, None], 1e4, scene.means))
-    with pytest.raises(UsageError, match="no camera sees"):
-        remove(far, inside, cameras)
-
-
-def test_one_gaussian_is_removed_like_an_object():
-    each = case("table")
-    one = torch.zeros_like(each.inside)
-    one[each.inside.nonzero()[0]] = True
-    assert remove(each.scene, one, each.cameras).dropped(len(each.scene))[one].all()

@@ -31,20 +31,3 @@ def test_contact_sheet_shows_every_row_and_at_most_the_columns():
         2 * sheets.CELL_PIXELS[0] * round(sheets.CELL_PIXELS[0] * 20 / 30)
     )  # two black pictures, enlarged
     assert dark.sum() == pytest.approx(pictures, rel=0.05)  # and the ink of two labels
-
-
-def test_columns_that_stand_apart_are_all_shown_and_may_have_gaps():
-    rows = [("original", [view(0.0)] * 12), ("edited", [*[view(1.0)] * 10, view(0.0), None])]
-    sheet = contact_sheet(rows, columns=4, apart=2, caption="held out")
-    plain = contact_sheet([(label, views[:4]) for label, views in rows], columns=4)
-    assert sheet.width == plain.width + sheets.GAP
-    dark = np.asarray(sheet.convert("L")) < 10
-    one = sheets.CELL_PIXELS[0] * round(sheets.CELL_PIXELS[0] * 20 / 30)
-    assert dark.sum() == pytest.approx(5 * one, rel=0.05)  # 4 of the first row, 1 of the second
-
-
-def test_contact_sheet_refuses_rows_that_do_not_match():
-    with pytest.raises(ValueError, match="equal"):
-        contact_sheet([("a", [view(0.0)]), ("b", [view(0.0), view(1.0)])])
-    with pytest.raises(ValueError, match="non-zero"):
-        contact_sheet([])

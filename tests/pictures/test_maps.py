@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import get_args
 
 import numpy as np
 import pytest
 import torch
-from gsedit_cli.verbs.render import NAMES, FolderFormat, PathKind
 from scenes import cloud, shell
 
 from gsedit import render_maps
-from gsedit.cameras import paths
-from gsedit.pictures.maps import LEGEND, MAPS, depth_picture, depth_range, normal_map, wipe
-from gsedit.pictures.rendered_views import Format
+from gsedit.pictures.maps import LEGEND, MAPS, depth_picture, normal_map, wipe
 from rasterizer import Camera, Gaussians, look_at, render
 
 
@@ -123,31 +119,6 @@ def test_a_wipe_is_one_scene_on_the_left_and_the_other_on_the_right(share):
     torch.testing.assert_close(picture[:, right], after[:, right], atol=1e-9, rtol=0)
     if 0 < share < 1:
         assert (picture[:, edge] == 1).all()
-
-
-def test_the_command_line_names_what_there_is():
-    assert NAMES == MAPS
-    assert get_args(PathKind) == get_args(paths.PathKind)
-    assert get_args(FolderFormat) == get_args(Format)
-
-
-def test_a_scene_without_gaussians_has_empty_maps():
-    maps = render_maps(shell()[0].to(torch.float32)[:0], front(), MAPS)
-    assert maps.normals is not None
-    assert not maps.normals.any()
-    assert not maps.alpha.any()
-
-
-def test_depth_range_ignores_what_is_not_solid():
-    depth = torch.linspace(2, 4, 101)[None].repeat(3, 1)
-    alpha = torch.ones_like(depth)
-    depth[0], alpha[0] = 1000.0, 0.1
-    near, far = depth_range(depth, alpha)
-    assert 2 <= near < 2.1
-    assert 3.9 < far <= 4
-    assert depth_range(depth, torch.zeros_like(alpha)) == (0.0, 1.0)
-    flat = depth_range(torch.full((2, 2), 3.0), torch.ones(2, 2))
-    assert flat[0] == 3.0 < flat[1]
 
 
 def test_depth_picture_is_red_near_blue_far_black_where_nothing_is():

@@ -9,15 +9,12 @@ from dataclasses import replace
 from io import BytesIO
 
 import numpy as np
-import pytest
 import torch
 from PIL import Image
 from point_clouds import ball
 
-import gsedit
 from gsedit import FitResult
 from gsedit.pictures import notebook
-from gsedit.scene.table import table_of
 
 
 def picture(png: bytes | None) -> np.ndarray:
@@ -32,14 +29,6 @@ def test_a_scene_is_a_picture_with_its_count_below():
     assert (shown[:height, :, 0] - shown[:height, :, 1] > 100).sum() > 1000  # the ball is red
     assert (shown[height:] < 128).any()
     assert repr(ball()) == "Gaussians(200, SH degree 0, float32)"
-
-
-def test_a_large_scene_is_thinned_out_and_its_surfaces_stay_closed():
-    scene = ball(1000)
-    few = notebook.thinned_out(scene, 300)
-    assert len(few) == 250
-    assert torch.allclose(few.log_scales, scene.log_scales[::4] + math.log(2))
-    assert notebook.thinned_out(scene, 1000) is scene
 
 
 def test_a_notebook_never_sees_an_error():
@@ -69,25 +58,3 @@ def test_a_fit_shows_its_numbers_and_its_scene():
     assert "data:image/png;base64," in html
     assert picture(fit._repr_png_()).shape[1] == notebook.SIZE_PIXELS[0]
     assert repr(fit) == "FitResult(Gaussians(200, SH degree 0, float32), 23.5 dB, 1500 steps)"
-
-
-def test_html_escapes_what_people_typed():
-    html = notebook.as_html("<b> & 'co'", {"a<b": "1", "left out": ""}, b"png")
-    assert "&lt;b&gt; &amp; &#x27;co&#x27;" in html
-    assert "a&lt;b" in html
-    assert "left out" not in html
-
-
-def test_the_exported_clouds_hold_the_centers():
-    scene = ball(5)
-    for make, centers in (
-        (gsedit.to_trimesh, lambda cloud: cloud.vertices),
-        (gsedit.to_pyvista, lambda cloud: cloud.points),
-        (gsedit.to_open3d, lambda cloud: cloud.point["positions"].numpy()),
-    ):
-        try:
-            cloud, same = make(scene), make(table_of(scene))
-        except gsedit.GseditError as error:
-            pytest.skip(str(error))
-        assert np.allclose(centers(cloud), scene.means, atol=1e-6)
-        assert np.array_equal(centers(cloud), centers(same))

@@ -7,18 +7,14 @@ from functools import cache, partial
 
 import pytest
 import torch
-from shared_data import DATA
 
 from gsedit.bench.renderer.accuracy import differentiate, relative, with_pose
-from gsedit.bench.renderer.speed import garden
 from gsedit.consistency.correspond import match
 from gsedit.synthetic import ring_cameras, scenes, surface_gaussians
 from rasterizer import Execution, render
-from rasterizer.numerics import AUTO
 from rasterizer.reference import render_reference
 
 TORCH = Execution(kernel="torch")
-POINTS = DATA / "garden_points.npz"
 SCENES = {scene.name: scene for scene in scenes()}
 
 
@@ -47,12 +43,6 @@ def colors(scene, camera, execution):
 @pytest.mark.parametrize("name", SCENES)
 def test_float32_pictures_and_gradients_are_the_references(name):
     check_against_reference(splats(name)[:2500], ring_cameras(SCENES[name], 1, 96)[0], TORCH)
-
-
-@pytest.mark.skipif(not POINTS.exists(), reason=f"the garden's points are not at {POINTS}")
-def test_the_garden_is_the_references():
-    small = garden(0.125, POINTS)
-    check_against_reference(small.scene[::4], small.camera, TORCH, AUTO)
 
 
 @pytest.mark.parametrize("name", SCENES)

@@ -79,12 +79,6 @@ def test_depth_is_one_more_feature():
         assert relative(a, b) < 1e-11
 
 
-def test_a_cap_that_lets_nothing_through_has_finite_gradients():
-    scene, view = cloud()
-    _, close = gradients(scene, view, COMPILED, Numerics(alpha_max=1.0))
-    assert all(gradient.isfinite().all() for gradient in close)
-
-
 def test_stopping_early_keeps_the_gradients_of_opaque_discs():
     """Blocks of pixels that closed at the whole stop would leave out five times as much."""
     (columns,) = synthetic(("columns",), 15_000, 128)

@@ -9,7 +9,7 @@ import torch
 from closeness import EPS32, leaves, relative, tensors, weights_like
 from render_gradients import SEEDS, WHOLE_SUM, gradients, largest_difference
 from scenes import camera as view_of
-from scenes import cloud, coincident, opaque_stack, random_cloud, wall
+from scenes import cloud, opaque_stack, random_cloud, wall
 
 from rasterizer import Camera, Execution, Gaussians, Numerics, contributions, look_at, render
 from rasterizer.blending import cpp_backend as compiled
@@ -68,16 +68,6 @@ def test_input_order_changes_nothing_away_from_equal_depths(seed):
     assert (render(scene, camera).color - render(scene[order], camera).color).abs().max() < 1e-12
     shuffled = gradients(lambda s, c, **o: render(s[order], c, **o), scene, camera)
     assert largest_difference(shuffled, gradients(render, scene, camera)) < 1e-11
-
-
-def test_equal_depths_keep_file_order():
-    scene, camera = coincident()
-    pictures = [
-        render(scene, camera, execution=Execution(tile_size=size)).color for size in (8, 32)
-    ]
-    assert (pictures[0] - pictures[1]).abs().max() < 1e-12
-    first = render(scene, camera).color - render(scene.map(lambda t: t.flip(0)), camera).color
-    assert first.abs().max() > 1e-3  # so the order did matter
 
 
 def test_equal_positions_are_sorted_stably():

@@ -10,7 +10,7 @@ import torch
 from closeness import leaves, tensors, weights_like
 from scenes import cloud, gaussian
 
-from rasterizer import Camera, Execution, Numerics, concatenate, contributions, render
+from rasterizer import Camera, Execution, Numerics, concatenate, render
 from rasterizer.blending import cpp_backend as compiled
 from rasterizer.reference import render_reference
 
@@ -28,15 +28,6 @@ def gradients(scene, camera, execution, **options):
     inputs = leaves(scene)
     picture = render(inputs, camera, execution=execution, **options).color
     return torch.autograd.grad((picture * weights_like(picture)).sum(), tensors(inputs))
-
-
-def test_a_single_pair_has_the_gradients_of_many(execution):
-    """One Gaussian, one tile, one block: arrays of one number are views of themselves."""
-    scene = gaussian((0.1, 0.05, 2.0))
-    camera = Camera(torch.eye(4, dtype=torch.float64), 16.0, 16.0, 8.0, 8.0, 16, 16)
-    alone = gradients(scene, camera, replace(execution, tile_size=16))
-    for a, b in zip(alone, gradients(scene, camera, replace(execution, tile_size=4))):
-        assert (a - b).abs().max() < 1e-13
 
 
 def test_second_derivatives_are_refused(execution):
@@ -59,13 +50,6 @@ def test_autocast_changes_no_bit(execution):
         assert torch.equal(a, b)
 
 
-def test_contributions_under_inference_mode(execution):
-    scene, camera = cloud()
-    wanted = contributions(scene, camera, execution=execution)
-    with torch.inference_mode():
-        assert torch.equal(contributions(scene, camera, execution=execution), wanted)
-
-
 def test_a_picture_may_be_changed_before_the_backward_pass(execution):
     """6 x 6 pixels are one tile: what is returned must not be what was kept."""
     scene, _ = cloud()
@@ -78,14 +62,6 @@ def test_a_picture_may_be_changed_before_the_backward_pass(execution):
     found = torch.autograd.grad(loss, tensors(inputs))
     for a, b in zip(found, gradients(scene, camera, replace(execution, tile_size=6))):
         assert torch.equal(a, b)
-
-
-def test_tiny_floors_are_no_number_that_wraps(execution):
-    scene, camera = cloud()
-    numerics = Numerics(alpha_min=1e-120)
-    picture = render(scene.to(torch.float32), camera, execution=execution, numerics=numerics).color
-    wanted = render(scene, camera, numerics=replace(numerics, alpha_min=1e-9)).color
-    assert (picture - wanted).abs().max() < 1e-5
 
 
 @pytest.mark.parametrize("near", [-100.0, -1e20, -math.inf])
@@ -107,33 +83,3 @@ def test_a_line_of_no_width_has_antialiased_gradients(execution):
     numerics = Numerics(antialiased=True)
     for found in gradients(line.to(torch.float32), cloud()[1], execution, numerics=numerics):
         assert found.isfinite().all()
-
-
-@pytest.mark.parametrize("name", ["tile_size"])
-@pytest.mark.parametrize("value", [0, -4])
-def test_sizes_below_one_are_refused(name, value):
-    with pytest.raises(ValueError, match=f"{name} is {value}"):
-        Execution(**{name: value})
-
-
-@pytest.mark.parametrize(
-    ("name", "value", "choices"),
-    [("kernel", "cuda", "auto, torch, compiled")],
-)
-def test_an_unknown_choice_is_refused(name, value, choices):
-    execution = Execution()
-    object.__setattr__(execution, name, value)  # past the types that these tests check
-    with pytest.raises(ValueError, match=choices):
-        execution.__post_init__()
-
-
-def test_a_tile_larger_than_memory_is_a_tile_as_large_as_the_picture(execution):
-    scene, camera = cloud()
-    wanted = render(scene, camera, execution=execution).color
-    found = render(scene, camera, execution=replace(execution, tile_size=1 << 20)).color
-    assert (found - wanted).abs().max() < 1e-11
-
-
-def test_rows_count_from_the_end_too():
-    scene, _ = cloud()
-    assert torch.equal(scene[torch.tensor([-1, 0])].means, scene.means[[-1, 0]])

@@ -9,7 +9,7 @@ from importlib import import_module
 
 import pytest
 import torch
-from closeness import leaves, relative, tensors, weights_like
+from closeness import leaves, tensors, weights_like
 from scenes import EDGE_CASES, cloud
 
 from gsedit.bench.renderer import edge_cases
@@ -166,29 +166,11 @@ def test_the_number_of_threads_changes_no_bit():
         assert torch.equal(one, three)
 
 
-@pytest.mark.parametrize("wanted", ["means", "sh", "logit_opacities"])
-def test_only_what_is_asked_for_has_a_gradient(wanted, by_front, by_python):
-    scene, camera = random_cloud(100, seed=4, degree=3), cloud()[1]
-    found = []
-    for drawing in (by_front, by_python):
-        leaf = getattr(scene, wanted).clone().requires_grad_()
-        drawn = drawing(replace(scene, **{wanted: leaf}), camera, execution=COMPILED).color
-        found += torch.autograd.grad((drawn * weights_like(drawn)).sum(), leaf)
-    assert relative(*found) < 1e-12
-
-
 def test_poses_are_left_to_the_python_files():
     scene, camera = cloud()
     pose = camera.world_to_camera.clone().requires_grad_()
     color = render(scene, replace(camera, world_to_camera=pose), execution=COMPILED).color
     assert torch.autograd.grad(color.sum(), pose)[0].norm() > 0
-
-
-def test_without_the_front_end_the_python_files_go_on(monkeypatch):
-    scene, camera = cloud()
-    wanted = render(scene, camera).color
-    monkeypatch.setattr(kernel, "load", lambda *_: None)
-    assert (render(scene, camera).color - wanted).abs().max() < 1e-12
 
 
 def test_pictures_share_nothing_that_a_backward_pass_reads():
@@ -238,23 +220,6 @@ def test_shapes_that_do_not_fit_are_not_read(field):
     object.__setattr__(scene, field, getattr(scene, field)[..., None])  # past the tests' checks
     box = (0, 0, camera.width, camera.height)
     assert picture.draw(scene, camera, box, Numerics(), COMPILED) is None
-
-
-@pytest.mark.parametrize("threads", [1, 2, 5])
-def test_lists_are_the_same_whoever_fills_them(threads, by_front, by_python):
-    """So many pairs that several threads fill the lists; most of them in the upper rows."""
-    scene, camera = random_cloud(6000, seed=6), cloud()[1]
-    camera = replace(camera, cy=0.1 * camera.height)
-    execution = replace(COMPILED, tile_size=2)
-    before = torch.get_num_threads()
-    try:
-        torch.set_num_threads(threads)
-        found, wanted = (
-            each(scene, camera, execution=execution).color for each in (by_front, by_python)
-        )
-    finally:
-        torch.set_num_threads(before)
-    assert (found - wanted).abs().max() < 1e-12
 
 
 @pytest.mark.parametrize("threads", [1, 3])

@@ -12,7 +12,6 @@ from scenes import camera
 
 from rasterizer import harmonics, rasterization
 from rasterizer.harmonics import without_zero_bands
-from rasterizer.numerics import SH_DC
 
 
 def sphere_quadrature(order: int = 12):
@@ -42,25 +41,6 @@ def test_degree_one_has_the_signs_of_splat_files():
     c = math.sqrt(3 / (4 * math.pi))
     wanted = torch.tensor([[0, 0, -c], [-c, 0, 0], [0, c, 0]], dtype=torch.float64)
     assert (values - wanted).abs().max() < 1e-15
-
-
-def test_degree_zero_is_the_same_from_everywhere():
-    sh = torch.tensor([[[1.0, -0.5, 0.0]]])
-    for direction in ([[1.0, 0, 0]], [[0, -3.0, 4.0]]):
-        color = harmonics.colors(sh, torch.tensor(direction))
-        assert torch.allclose(color, (0.5 + SH_DC * sh[:, 0]).clamp_min(0))
-
-
-def test_colors_do_not_depend_on_the_length_of_the_direction():
-    generator = torch.Generator().manual_seed(0)
-    sh = torch.randn(5, 16, 3, generator=generator, dtype=torch.float64)
-    direction = torch.randn(5, 3, generator=generator, dtype=torch.float64)
-    assert torch.allclose(harmonics.colors(sh, direction), harmonics.colors(sh, 7 * direction))
-
-
-def test_a_degree_above_four_is_refused():
-    with pytest.raises(ValueError, match="degree 5"):
-        harmonics.basis(torch.zeros(1, 3), 5)
 
 
 def test_bands_that_are_zero_are_left_out():

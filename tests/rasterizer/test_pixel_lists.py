@@ -74,18 +74,3 @@ def test_gradients_are_those_of_the_renderer(view):
         gradients.append((sh.grad, logits.grad))
     for one, other in zip(*gradients):
         torch.testing.assert_close(one, other, rtol=1e-3, atol=1e-5)
-
-
-def test_little_is_lost_with_what_pixels_hardly_show():
-    scene, camera = ball(300)
-    lists = pixel_lists(scene, camera)
-    error = drawn(lists, scene, scene, camera) - render(scene, camera).color
-    assert error.abs().max() < 0.02
-
-
-def test_a_view_of_nothing_is_black():
-    scene, camera = ball(5)
-    away = replace(scene, means=scene.means + 1e3)
-    lists = pixel_lists(away, camera)
-    assert len(lists.rows) == 0
-    assert not drawn(lists, away, away, camera).any()

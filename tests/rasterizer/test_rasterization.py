@@ -11,9 +11,7 @@ from closeness import leaves, relative, tensors
 from gsplat_call import BACKGROUND, DTYPES, cloud, gsplat_arguments, loss_of, ortho
 from scenes import camera, gaussian
 
-from rasterizer import Camera, Execution, Numerics, rasterization, render, splat
-from rasterizer.blending.backend import GEOMETRY
-from rasterizer.cpp_projection import picture
+from rasterizer import Camera, Numerics, rasterization, render
 from rasterizer.reference import render_reference
 
 # option: gsplat's arguments; the same as Numerics; the camera
@@ -69,13 +67,6 @@ def test_every_option_is_the_references(option, dtype):
         # alpha is at least 1/255, and known to one rounding of 1: depth 6 / alpha loses 255 of them
         assert apart.max() < 6 * 255 * torch.finfo(dtype).eps * 2
     assert 0.02 < alpha.mean() < alpha.max() < 1 - 1e-5
-
-
-def test_every_option_changes_the_picture():
-    plain = render_reference(cloud(), camera()).color
-    for name, (_, meaning, view) in OPTIONS.items():
-        changed = render_reference(cloud(), view, numerics=Numerics(**meaning)).color
-        assert (name == "classic") == bool((changed - plain).abs().max() < 1e-3), name
 
 
 @pytest.mark.parametrize("dtype", DTYPES)
@@ -157,23 +148,6 @@ def test_render_modes(mode):
     assert (alpha[0, ..., 0] - wanted.alpha).abs().max() < 1e-9
 
 
-@pytest.mark.parametrize(("mode", "channels"), [("D", 1), ("ED", 1), ("RGB", 3), ("RGB+ED", 4)])
-def test_only_what_was_asked_for_is_blended(mode, channels, monkeypatch):
-    blended = []
-
-    def spy(inputs, *rest, **options):
-        blended.append(inputs.table.shape[1] - GEOMETRY)
-        return original(inputs, *rest, **options)
-
-    original = splat.composite
-    for module in (splat, picture):
-        monkeypatch.setattr(module, "composite", spy)
-    for kernel in ("auto", "torch"):
-        arguments = gsplat_arguments(cloud(), camera())
-        rasterization(**arguments, render_mode=mode, execution=Execution(kernel=kernel))
-    assert blended == [channels, channels]
-
-
 @pytest.mark.parametrize("dtype", DTYPES)
 def test_opacities_of_exactly_0_and_1(dtype):
     scene, view = cloud().to(dtype), camera()
@@ -210,31 +184,3 @@ def test_nothing_to_see_is_the_background(rows, dtype):
     (color.sum() + alpha.sum()).backward()
     for tensor in (arguments["means"], arguments["viewmats"], meta["means2d"]):
         assert not tensor.grad.any()
-
-
-def test_what_only_costs_time_on_a_gpu_changes_nothing():
-    arguments = gsplat_arguments(cloud(), camera())
-    plain, _, _ = rasterization(**arguments)
-    for option in ({"packed": False}, {"channel_chunk": 1}, {"segmented": True}):
-        assert torch.equal(rasterization(**arguments, **option)[0], plain)
-    for option in ({"tile_size": 4}, {"execution": Execution(tile_size=32)}):
-        color, _, meta = rasterization(**arguments, **option)
-        assert (color - plain).abs().max() < 1e-11
-        size = meta["tile_size"]
-        assert size in (4, 32)
-        assert (meta["tile_width"], meta["tile_height"]) == (ceil(40 / size), ceil(32 / size))
-    both = {"tile_size": 8, "execution": Execution(tile_size=32)}
-    assert rasterization(**arguments, **both)[2]["tile_size"] == 8
-
-
-def test_without_blur_a_line_is_drawn_or_not_but_finite():
-    """eps2d of 0 leaves a disc seen edge-on without a width on the picture."""
-    scene = leaves(gaussian((0.0, 0.0, 2.0), (0.3, 0.3, 1e-30), (1.0, 1.0, 0.0, 0.0)))
-    for mode in ("classic", "antialiased"):
-        color, _, meta = rasterization(
-            **gsplat_arguments(scene, camera()), eps2d=0.0, rasterize_mode=mode
-        )
-        color.sum().backward()
-        assert color.isfinite().all()
-        assert meta["means2d"].grad.isfinite().all()
-        assert all(t.grad is None or t.grad.isfinite().all() for t in tensors(scene))

@@ -7,7 +7,7 @@ from inspect import unwrap
 import pytest
 import torch
 from gsplat_call import BACKGROUND, cloud, gsplat_arguments
-from scenes import camera, random_cloud
+from scenes import camera
 
 from rasterizer import Numerics, rasterization, render
 
@@ -69,37 +69,6 @@ def test_what_is_not_finite_is_named(name, bad):
     spoilt.view(-1)[-1] = bad  # of the last row, which is in sight
     with pytest.raises(ValueError, match=name):
         rasterization(**arguments | {name: spoilt})
-
-
-@pytest.mark.parametrize(
-    ("name", "index", "value"),
-    [
-        ("means", (7, 1), float("nan")),
-        ("quats", (7, 1), float("inf")),
-        ("scales", (7, 1), float("nan")),
-        ("opacities", (7,), float("nan")),
-        ("colors", (7, 1), float("nan")),
-        ("viewmats", (0, 1, 3), float("nan")),
-        ("Ks", (0, 0, 0), float("nan")),
-        ("backgrounds", (0, 1), float("inf")),
-    ],
-)
-def test_the_drop_in_names_its_own_arguments(name, index, value):
-    scene = random_cloud(20, seed=3).to(torch.float32)
-    scene.means[7] = torch.tensor((0.0, 0.0, 2.0))  # colors are looked at where they are in sight
-    arguments = {
-        "means": scene.means,
-        "quats": scene.quats,
-        "scales": scene.scales,
-        "opacities": scene.opacities,
-        "colors": scene.sh[:, 0].clone(),
-        "viewmats": torch.eye(4)[None].clone(),
-        "Ks": torch.tensor([[[40.0, 0.0, 20.0], [0.0, 40.0, 16.0], [0.0, 0.0, 1.0]]]),
-        "backgrounds": torch.ones(1, 3),
-    }
-    arguments[name][index] = value
-    with pytest.raises(ValueError, match=rf"{name}\["):
-        rasterization(**arguments, width=40, height=32)
 
 
 def test_a_near_plane_behind_a_pinhole_is_refused():

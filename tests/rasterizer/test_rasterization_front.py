@@ -73,12 +73,3 @@ def test_both_kernels_draw_the_same(name, monkeypatch):
     assert found[3].keys() == grads.keys()
     for each, wanted in grads.items():
         assert relative(found[3][each], wanted) < 1e-8, each
-
-
-def test_what_the_front_end_cannot_do_is_torchs(monkeypatch):
-    """The pose's gradient is torch's."""
-    monkeypatch.setattr(picture.kernel, "list_gaussians", None)  # a call would fail
-    arguments = arguments_of(1, camera())
-    poses = arguments["viewmats"].clone().requires_grad_()
-    rasterization(**arguments | {"viewmats": poses})[0].sum().backward()
-    assert poses.grad.any()

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from importlib import import_module
-from weakref import ref
 
 import pytest
 import torch
@@ -12,12 +10,9 @@ from closeness import assert_near
 from gsplat_call import BACKGROUND, cloud, gsplat_arguments, loss_of
 from scenes import camera, random_cloud
 
-from rasterizer import preprocess, rasterization
+from rasterizer import rasterization
 from rasterizer.numerics import SH_DC
-from rasterizer.preprocess import colors_of
 from rasterizer.reference import render_reference
-
-module = import_module("rasterizer.rasterization")  # the package's name is the function
 
 
 @pytest.mark.parametrize("channels", [1, 2, 7, 32])
@@ -33,16 +28,6 @@ def test_features_of_any_number_of_channels(channels):
         painted = replace(scene, sh=((columns - 0.5) / SH_DC)[:, None])
         wanted = render_reference(painted, view).color[..., : channels - 3 * i]
         assert (color[0, ..., 3 * i : 3 * i + 3] - wanted).abs().max() < 1e-9
-
-
-def test_features_may_be_negative():
-    scene = cloud(0)
-    features = torch.linspace(-3, 2, 120, dtype=torch.float64).view(60, 2)
-    arguments = gsplat_arguments(scene, camera()) | {"sh_degree": None}
-    up, _, _ = rasterization(**arguments | {"colors": features})
-    down, _, _ = rasterization(**arguments | {"colors": -features})
-    assert up.min() < -0.1
-    assert torch.equal(up, -down)
 
 
 @pytest.mark.parametrize("degree", range(5))
@@ -98,36 +83,6 @@ def test_colors_may_differ_by_camera(harmonic):
     for i, view in enumerate(views):
         own = gsplat_arguments(scene, view) | {"sh_degree": degree, "colors": painted[i]}
         assert_near(color[i], rasterization(**own)[0][0], 1e-12)
-
-
-def test_features_live_one_image_at_a_time(monkeypatch):
-    """The features of 24 cameras with 64 channels would be half of all memory."""
-    views = [replace(camera(), cx=cx) for cx in (15.0, 20.0, 25.0)]
-    features = torch.rand(60, 64, generator=torch.Generator().manual_seed(0)).double()
-    made, alive = [], []
-
-    def watched(*args):
-        alive.append(sum(one() is not None for one in made))
-        made.append(ref(result := colors_of(*args)))
-        return result
-
-    monkeypatch.setattr(preprocess, "colors_of", watched)
-    monkeypatch.setattr(module, "colors_of", watched)
-    with torch.no_grad():
-        rasterization(**gsplat_arguments(cloud(), *views) | {"colors": features, "sh_degree": None})
-    assert alive == [0, 0, 0]
-
-
-@pytest.mark.parametrize("mode", ["D", "ED"])
-def test_depth_alone_reads_no_colors(mode, monkeypatch):
-    arguments = gsplat_arguments(cloud(), camera()) | {"render_mode": mode}
-    wanted, _, _ = rasterization(**arguments)
-
-    def colors(self, rows):
-        raise AssertionError("colors were read")
-
-    monkeypatch.setattr("rasterizer.gsplat_inputs.Cloud.colors", colors)
-    assert torch.equal(rasterization(**arguments)[0], wanted)
 
 
 def test_gradients_of_features_backgrounds_and_opacities():

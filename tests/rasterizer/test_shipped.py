@@ -6,7 +6,6 @@ import pytest
 import torch
 
 from rasterizer import compiled, shipped
-from rasterizer.blending import cpp_backend
 from rasterizer.compiler import CompilerError, find_compiler
 
 SOURCE = 'extern "C" void use_team(void*) {{}}\nextern "C" int answer() {{ return {}; }}\n'
@@ -61,11 +60,6 @@ def test_no_level_is_taken_that_the_processor_lacks(capability, names, processor
     assert [level.name for level in shipped.usable_levels()] == names
 
 
-def test_other_processors_have_one_level():
-    assert shipped.levels("arm64") == shipped.levels("aarch64") == (shipped.PLAIN,)
-    assert shipped.levels("AMD64") == shipped.levels("x86_64")
-
-
 @pytest.mark.parametrize(("capability", "answer"), [("AVX512", 2), ("AVX2", 1), ("DEFAULT", 0)])
 def test_the_wheels_library_is_opened_without_a_compiler(
     capability, answer, processor, wheel, tmp_path, monkeypatch
@@ -90,10 +84,6 @@ def test_one_that_does_not_load_is_passed_over(wheel, tmp_path, monkeypatch):
     made = compiled.make(source)
     assert made.library is not None
     assert made.library.answer() == 42
-
-
-def test_a_source_tree_has_no_libraries():
-    assert shipped.shipped_library(cpp_backend.SOURCE) is None
 
 
 def test_every_level_is_compiled(tmp_path):

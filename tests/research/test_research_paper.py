@@ -4,27 +4,24 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from math import inf, isclose
+from math import inf
 from pathlib import Path
 
 import pytest
 import torch
-from research.paper import __main__ as main
 from research.paper import claims, folder, measure
 from research.paper.arms import ONE_IN, ONE_OUT, base_of, preset_arms
 from research.paper.cases import captured
 from research.paper.measure import run_to_file, settings_of, strategy_of
 from research.paper.observe import EXACT, Point
-from research.paper.race import Costs, final_error, race, regimes
+from research.paper.race import final_error, race, regimes
 from research.paper.runs import Arm, Case, Record, Run, read_record
 from research.paper.studies import FULL, QUICK, Study, distinct, studies
 from research.paper.varied import Varied
-from research.paper.verdicts import verdict_of
 
 from gsedit.diffusion.sampler import levels_of
 from gsedit.editors import EditBatch
 from gsedit.editors.sampling import DiffusionEditor
-from gsedit.errors import InputError, UsageError
 from gsedit.paper.settings import PRESETS
 
 CASE = Case("globe", "make it night", 32, 1, 32, 150, 9)
@@ -118,22 +115,6 @@ def test_a_race_is_to_iteratives_final_error_in_processor_seconds():
     assert claims.log_factor(0.0) == -inf
 
 
-def test_half_of_the_way_is_in_decibels():
-    iterative = record([0.4, 0.3, 0.2, 0.1, 0.1], 60)
-    half = race(record([0.4, 0.21, 0.2, 0.15], 60), iterative, share=0.5)
-    assert (half.own.steps, half.iterative.steps) == (20, 20)  # to 0.2 and a bit
-    assert race(record([0.4, 0.2], 60), iterative).own is None
-
-
-def test_the_cost_of_an_evaluation_decides_the_speed_up():
-    iterative = record([0.5, 0.3, 0.2, 0.2], 10)
-    frugal = record([0.5, 0.4, 0.3, 0.25, 0.2], 1)  # more steps, fewer evaluations
-    factors = [race(frugal, iterative).speed_up(Costs(c)) for c in (0.01, 1.0, 100.0)]
-    assert factors[0] < 1 < factors[1] < factors[2] < 5
-    once = regimes(branches=1)["real"]  # of a step's three evaluations it makes one
-    assert once.evaluation == 3 * REAL.evaluation
-
-
 # ---- arms ----------------------------------------------------------------------------------------
 
 
@@ -172,13 +153,6 @@ def test_t_end_is_a_number_of_steps_on_every_schedule(editor, steps):
     schedule = measure._editor(editor).capabilities.denoiser.schedule
     levels = levels_of(schedule, sampler)[:-1]
     assert sum(level.sigma > sampler.consensus_end for level in levels) == steps
-
-
-def test_equal_work_has_one_key_whatever_it_is_called():
-    run = Run(SHORT, CASE, "closed-form", 0)
-    assert run.key == replace(run, arm=replace(SHORT, label="another")).key
-    assert run.key != replace(run, seed=1).key
-    assert run.key != replace(run, arm=replace(SHORT, settings={"batches": 2})).key
 
 
 # ---- the editor with random answers --------------------------------------------------------------
@@ -233,13 +207,6 @@ def test_a_run_that_is_done_is_not_repeated(done, monkeypatch):
         assert run_to_file(run, where / "runs").truth == EXACT
 
 
-def test_a_broken_run_says_what_to_do(tmp_path):
-    path = tmp_path / "x.json"
-    path.write_text('{"run": ')
-    with pytest.raises(InputError, match=r"x\.json.*delete it"):
-        read_record(path)
-
-
 def test_the_report_is_of_what_ran_and_says_what_did_not(done):
     where, _, _ = done
     summary = json.loads((where / "summary.json").read_text())
@@ -252,18 +219,3 @@ def test_the_report_is_of_what_ran_and_says_what_did_not(done):
     assert "Failed: paper, globe" in report
     assert "| varied: paper |" in report
     assert "not measured" in report
-
-
-def test_the_command_reports_and_refuses(monkeypatch, tmp_path, capsys, done):
-    where, found, _ = done
-    monkeypatch.setattr(main, "studies", lambda size, captures: found)
-    main.paper(out=where, quick=True, only_report=True)
-    assert capsys.readouterr().out == f"{where / 'report.md'}\n"
-    with pytest.raises(UsageError, match="none"):
-        main.paper(scenes=[tmp_path / "none.ply"], out=where, quick=True)
-
-
-def test_gradient_energy_is_of_neighbors():
-    ramp = torch.linspace(0, 1, 5)[None, :, None].expand(4, 5, 3)
-    assert isclose(measure.energy(ramp[None]), 0.25**2, rel_tol=1e-6)
-    assert verdict_of(1.0, -inf, inf, 0.0) == "not decided"

@@ -2,19 +2,12 @@
 
 from __future__ import annotations
 
-import json
-
 import pytest
 import torch
-from research.figures import draw_errors, slope
+from research.figures import slope
 from research.sampler import consensus_study, solver_study
-from research.sampler.__main__ import lines_of
-from research.sampler.measurements import SamplerMeasurement, table
 from research.sampler.mixtures import exact_solution
-from research.sampler.overlapping import crops, texture_views
-
-from gsedit.diffusion.settings import SamplerSettings
-from gsedit.runs.json_lines import plain, write_line
+from research.sampler.overlapping import texture_views
 
 
 @pytest.fixture(scope="module")
@@ -66,14 +59,6 @@ def test_the_deviation_falls_steadily_and_keeps_its_sign(consensus_rows):
         assert swept[-1] == pytest.approx(0, abs=1e-3)
 
 
-def test_the_sweep_ends_in_agreement(consensus_rows):
-    swept = [r for r in consensus_rows if r.problem == "texture, T_end"]
-    assert {row.t_end for row in swept} == {0, 10, 50}
-    xt = {r.t_end: r.disagreement for r in swept if r.variant == "xt, shared"}
-    assert xt[50.0] == pytest.approx(0, abs=1e-6)  # the state itself is averaged last
-    assert xt[0.0] > xt[10.0]
-
-
 def test_disagreement_is_that_of_a_plain_loop():
     views = texture_views(side=6, shift=1)
     x = torch.randn(4, 6, 6, 1, generator=torch.Generator().manual_seed(0))
@@ -86,35 +71,3 @@ def test_disagreement_is_that_of_a_plain_loop():
     assert views.disagreement(x) == pytest.approx(expected, rel=1e-5)
     assert views.deviation(x, x) == pytest.approx(1)
     assert views.deviation(-0.5 * x, x) == pytest.approx(-0.5, rel=1e-5)
-
-
-def test_overlapping_crops_correspond():
-    labels = crops(3, 5, 1)
-    assert torch.equal(labels[0, 1:, 1:], labels[1, :-1, :-1])
-    assert (labels[0, 0] == -1).all()  # its first row is seen by no other view
-
-
-def test_rows_as_json_and_as_a_table(solver_rows, consensus_rows, tmp_path):
-    row = SamplerMeasurement(
-        "solver", "width 1", "heun", 20, 39, 0.1, error=float("nan"), note="refused"
-    )
-    with (tmp_path / "rows.jsonl").open("w") as file:
-        write_line(file, row)
-    assert json.loads((tmp_path / "rows.jsonl").read_text())["error"] is None
-    rows = [*solver_rows, *consensus_rows]
-    text = table(rows)
-    assert text.count("## ") == 2
-    assert "| width 0.3, guidance 1: heun |" in text
-    assert "texture, T_end 10: x0, shared (default)" in text
-    assert plain(solver_rows[0])["variant"] == "ddim"
-    panels = lines_of(rows)
-    assert {name: len(lines) for name, lines in panels.items()} == {"width 0.3, guidance 1": 3}
-    draw_errors(panels, tmp_path / "a.png", cost="evaluations", error="RMS error")
-    draw_errors({}, tmp_path / "b.png", cost="evaluations", error="RMS error")
-    assert (tmp_path / "a.png").stat().st_size > 2 * (tmp_path / "b.png").stat().st_size
-    assert table([]) == "Nothing was measured.\n"
-
-
-def test_the_settings_of_every_variant_are_valid():
-    for options in consensus_study.VARIANTS.values():
-        assert SamplerSettings(**options).step_count == 20

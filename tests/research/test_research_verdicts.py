@@ -44,20 +44,6 @@ def test_every_kind_of_result_has_its_verdict(found, verdict):
     assert judged.low <= judged.effect <= judged.high
 
 
-def test_no_data_is_no_verdict():
-    assert judge({}, half=0.5) is None
-    assert judge({"globe": {"small": []}}, half=0.5) is None
-    assert judge_factors({"globe": {"small": []}}, half=0.5) is None
-
-
-def test_scenes_and_editors_count_alike_whatever_their_runs():
-    found = {"a": {"small": [0.0] * 9, "varied": [1.0]}, "b": {"small": [1.0]}}
-    judged = judge(found, half=0.5)
-    assert judged is not None
-    assert judged.effect == pytest.approx((0.5 + 1) / 2)
-    assert (judged.scenes, judged.runs) == (2, 11)
-
-
 def test_an_interval_is_students():
     judged = judge(effects([1.0], [2.0], [3.0]), 0.5)
     width = 4.303 / 3**0.5

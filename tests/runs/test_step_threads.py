@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from itertools import pairwise
 
 import pytest
 import torch
 
 from gsedit.runs import step_threads
-from gsedit.runs.step_threads import HOLDS_S, LEAST_WAITING, WINDOW_S, StepThreads, waited_seconds
+from gsedit.runs.step_threads import HOLDS_S, LEAST_WAITING, WINDOW_S, StepThreads
 
 COUNT = 4
 
@@ -92,27 +91,3 @@ def test_the_user_decides(how, monkeypatch):
     machine = Machine()
     machine.others = 3.0
     assert machine.steps(5) == [wanted] * 5
-
-
-def test_where_nobody_counts_a_step_takes_all(tmp_path):
-    assert waited_seconds(tmp_path / "none") is None
-    threads = StepThreads(iter(range(100)).__next__, lambda: None, COUNT)
-    for _ in range(5):
-        with threads.step():
-            assert torch.get_num_threads() == COUNT
-
-
-def test_threads_that_wait_are_added_up(tmp_path):
-    for name, text in (("1", "5 2000000000 3"), ("2", "5 500000000 3")):
-        (tmp_path / name).mkdir()
-        (tmp_path / name / "schedstat").write_text(text)
-    (tmp_path / "3").mkdir()  # it has ended
-    assert waited_seconds(tmp_path) == pytest.approx(2.5)
-
-
-@pytest.mark.skipif(not os.path.exists("/proc/self/schedstat"), reason="Linux counts waiting")
-def test_linux_counts():
-    first, second = waited_seconds(), waited_seconds()
-    assert first is not None
-    assert second is not None
-    assert first >= 0

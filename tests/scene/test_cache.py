@@ -71,17 +71,6 @@ def test_arguments_are_told_apart_by_what_they_hold(scene):
         assert count.times == 2
 
 
-def test_what_fails_is_asked_again(scene):
-    @cached_per_scene
-    def fails(scene):
-        raise ValueError("no")
-
-    with SceneCache(scene).used():
-        for _ in range(2):
-            with pytest.raises(ValueError, match="no"):
-                fails(scene)
-
-
 def test_two_threads_that_ask_at_once_compute_once(scene):
     count, place, start = Counted(), SceneCache(scene), Barrier(2)
 

@@ -57,21 +57,6 @@ def test_a_group_holds_neighbors(scenes):
     assert (coarse.expand(majority) == (fine.means[:, 0] > 0)).float().mean() > 0.95
 
 
-def test_small_scenes_have_no_groups(scenes):
-    whole, *_ = scenes
-    assert coarsen(whole, len(whole)) is None
-
-
-def test_coincident_gaussians_make_one_group(scenes):
-    whole, *_ = scenes
-    same = whole[torch.zeros(50, dtype=torch.int64)]
-    coarse = coarsen(same, 10)
-    assert coarse is not None
-    assert len(coarse.scene) == 1
-    torch.testing.assert_close(coarse.scene.means[0], same.means[0])
-    torch.testing.assert_close(coarse.scene.sh[0], same.sh[0])
-
-
 def test_what_is_done_to_groups_is_done_to_all(scenes):
     _, fine, coarse = scenes
     edited = coarse.transfer(darkened(coarse))

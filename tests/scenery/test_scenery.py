@@ -13,8 +13,7 @@ from plain_scenes import cloud, discs, ring
 from gsedit.errors import UsageError
 from gsedit.light.present import survey
 from gsedit.scenery.named import SCENERIES, autumn, in_scenery, snow
-from gsedit.scenery.setting import Setting, greenness
-from gsedit.surface.noise import noise
+from gsedit.scenery.setting import Setting
 from gsedit.words.instruction import Change
 from rasterizer.harmonics import colors
 from rasterizer.numerics import color_to_sh, sh_to_color
@@ -98,13 +97,6 @@ def test_snow_is_as_bright_in_a_dark_capture_as_in_a_bright_one(scene):
     assert abs(whites[0] - whites[1]) < 0.08
 
 
-def test_gray_brown_and_blue_are_no_foliage():
-    shades = torch.tensor([GREEN, STONE, (0.4, 0.25, 0.15), (0.5, 0.65, 0.9), (0.02, 0.03, 0.02)])
-    green = greenness(shades.double())
-    assert green[0] > 0.9
-    assert green[1:].max() < 0.1
-
-
 def test_wet_ground_is_darker_and_mirrors_the_sky_at_a_low_angle(scene):
     far = torch.randn(600, 3, generator=torch.Generator().manual_seed(0))
     dome = cloud(6 * torch.nn.functional.normalize(far, dim=-1), -0.5, 1.0)  # bright
@@ -132,10 +124,3 @@ def test_outside_a_region_no_coefficient_changes(scene, name):
 def test_an_unknown_scenery_is_refused(scene):
     with pytest.raises(UsageError, match="there is no scenery"):
         in_scenery(scene, "hail", CAMERAS)
-
-
-def test_noise_is_the_same_each_time_and_of_mean_zero():
-    points = 40 * torch.rand(4000, 3, generator=torch.Generator().manual_seed(0)).double()
-    assert torch.equal(noise(points, 3), noise(points, 3))
-    assert abs(float(noise(points, 3).mean())) < 0.1
-    assert 0.8 < float(noise(points, 3).std()) < 1.2

@@ -82,7 +82,3 @@ def test_the_slope_of_a_plane_is_its_normal():
     found = normals_of_depth(camera, depth)[4:-4, 4:-4]
     up = torch.tensor((0.0, 0.0, 1.0), dtype=torch.float64)
     torch.testing.assert_close(found, up.expand_as(found))
-
-
-def test_an_empty_scene_has_no_normals(ball):
-    assert len(estimate_normals(ball[0][:0]).directions) == 0

@@ -84,14 +84,6 @@ def test_intervals_of_distances_hold_the_truth(room):
     assert np.median(wide) < 0.08
 
 
-def test_a_pixel_beside_the_picture_or_on_nothing_is_told(room):
-    _, gaussians, cameras = room
-    with pytest.raises(UsageError, match="outside"):
-        point_at(gaussians, cameras[0], 500.0, 3.0)
-    with pytest.raises(UsageError, match="nothing is seen"):
-        point_at(gaussians[:1], cameras[0], 0.5, 0.5)
-
-
 def test_the_ground_is_found_and_how_flat_it_is(room):
     scene, gaussians, _ = room
     plane, sigma = ground_of(gaussians, scene.up.double().numpy())

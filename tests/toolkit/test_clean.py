@@ -9,12 +9,10 @@ import pytest
 import torch
 from defective import invalid, plane, splat, unwanted
 
-from gsedit.errors import UsageError
 from gsedit.formats.registry import open_scene, write_scene
 from gsedit.formats.streams import SceneHeader, in_blocks
 from gsedit.formats.validity import invalid_rows
 from gsedit.scene.table import SPLAT_FIELDS, SplatTable, concatenate_tables
-from gsedit.select.rules import sphere
 from gsedit.toolkit import Clean, Limits, apply, clean, find_defects, repair
 from gsedit.toolkit import check as check_file
 from gsedit.toolkit.defects import REASONS
@@ -60,28 +58,6 @@ def test_a_reason_can_be_switched_off(name):
     assert all(found[other] == rows[other] for other in rows if other not in gone)
 
 
-def test_a_limit_below_zero_is_refused():
-    with pytest.raises(UsageError, match="floater"):
-        Limits(floater=-1.0)
-
-
-def test_thin_splats_that_touch_others_are_no_needles():
-    base = plane()
-    lying = splat((0, 0, 0), (0.3, 0.01, 0.01))  # along the surface
-    pieces = [splat((0.3 * i, 0, 0.5), (0.2, 0.01, 0.01)) for i in range(-2, 3)]
-    hung = [splat((0.3 * i, 0, 0.5), (0.06, 0.06, 0.06)) for i in (-4, -3, 3, 4)]
-    string = concatenate_tables([base, lying, *pieces, *hung])
-    assert "needle" not in names(string)
-
-
-def test_a_bundle_of_streaks_is_peeled_from_outside():
-    base = plane()
-    sizes = [0.3, 0.3, 0.3, 0.42]  # the longest, with its like, holds the ends of the others
-    bundle = [splat((0.1 + 1e-3 * i, 0.1, 0.3), (0.01, 0.01, x)) for i, x in enumerate(sizes)]
-    found = names(concatenate_tables([base, *bundle]))
-    assert found["needle"] == [len(base) + i for i in range(len(sizes))]
-
-
 def test_scenes_a_million_wide_cost_what_small_ones_do():
     base, draw = plane(), np.random.default_rng(1)
     far = (draw.normal(size=(50, 3)) * 1e6).astype(np.float32)
@@ -97,13 +73,6 @@ def test_a_sky_stays():
     assert names(concatenate_tables([plane(), near, far])) == {}
 
 
-def test_many_gaussians_at_one_place_end():
-    table = plane()
-    one = table.replace(means=np.zeros_like(table.means))
-    assert "giant" in names(one)  # the scene has no extent: nothing fits into it
-    assert names(one, Limits(giant=None)) == {}
-
-
 def test_what_no_camera_sees_goes():
     behind = splat((0, 0, 2.5), (0.05, 0.05, 0.05))
     shown = splat((0, 0, 0.1), (0.05, 0.05, 0.05))
@@ -116,13 +85,6 @@ def test_what_no_camera_sees_goes():
     assert shown.means[0, 2] in kept.means[:, 2]
     assert len(kept) > 0.95 * len(table)  # some discs lie under others
     assert len(clean(table, off)) == len(table)
-
-
-def test_where_limits_what_is_removed():
-    table, rows = unwanted()
-    for some in (sphere(0.3, 0.2, 1.0, 0.1), "sphere(0.3, 0.2, 1, 0.1)"):
-        assert len(clean(table, where=some)) == len(table) - 1
-    assert rows["floater"][0] not in range(len(plane()))
 
 
 def test_marked_scenes_keep_every_row(tmp_path):
@@ -156,14 +118,6 @@ def test_repair_mends_what_it_says():
     assert sum(int(line.split()[0]) for line in said if "removed" in line) == len(gone)
 
 
-@pytest.mark.filterwarnings("error")
-def test_rows_that_are_infinite_throughout_are_removed_without_a_warning():
-    table = plane(8)
-    for name in SPLAT_FIELDS:
-        getattr(table, name)[3] = np.inf
-    assert len(repair(table)) == 63
-
-
 def test_check_names_every_row_of_a_file_that_load_refuses(tmp_path):
     broken, bad = invalid()
     table, rows = unwanted()
@@ -174,10 +128,3 @@ def test_check_names_every_row_of_a_file_that_load_refuses(tmp_path):
     assert found == {**bad, **rows}
     assert report.refused == 10
     assert report.gaussians == len(both)
-
-
-def test_quick_check_reads_single_rows(tmp_path):
-    table, rows = unwanted()
-    report = check_file(written(table, tmp_path / "scene.ply"), quick=True)
-    found = {each.defect.name: each.rows.tolist() for each in report.found}
-    assert found == {name: rows[name] for name in ("duplicate", "invisible")}

@@ -59,13 +59,6 @@ def test_parts_give_what_the_whole_gives():
     assert str(counts[0][1]) == f"kept {len(keep)} of 10 ({10 * (len(keep) - 10):+.1f} %)"
 
 
-def test_nothing_left_is_a_scene_of_no_rows():
-    table = random_table()
-    none = apply(table[:0], Opaque(), Backwards(), ReduceSH(1))
-    assert len(none) == 0
-    assert none.degree == 1
-
-
 def test_a_scene_of_tensors_stays_one():
     scene = gaussians_of(random_table())
     less = apply(scene, ReduceSH(1))

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import torch
 from kornia.color import lab_to_rgb, rgb_to_lab
 from PIL import Image
 
-from gsedit.errors import InputError, UsageError
 from gsedit.scene.color_space import lab_of_srgb, srgb_of_lab
 from gsedit.scene.table import SplatTable
 from gsedit.toolkit import Palette, apply
@@ -64,37 +61,9 @@ def test_colors_come_near_those_of_the_picture(painting):
     np.testing.assert_array_equal(after.means, table.means)
 
 
-def test_equal_colors_stay_equal_and_order_does_not_matter(painting):
-    table = grey_table()
-    table.sh[1] = table.sh[0]
-    after = apply(table, Palette(painting))
-    np.testing.assert_array_equal(after.sh[0], after.sh[1])
-    np.testing.assert_allclose(apply(table[::-1], Palette(painting)).sh[::-1], after.sh, atol=1e-4)
-
-
 def test_a_set_of_colors_is_at_distance_0_of_itself_and_stays():
     colors = np.random.default_rng(4).uniform(0.2, 0.8, (500, 3))
     even = np.ones(500)
     assert sliced_distance(colors, even, colors) == pytest.approx(0, abs=1e-9)
     moved = color_transport(colors, even, colors)(colors)
     np.testing.assert_allclose(moved, colors, atol=1e-6)
-
-
-def test_what_cannot_be_a_palette_is_named(tmp_path):
-    broken = tmp_path / "broken.png"
-    broken.write_bytes(b"\x89PNG\r\n\x1a\nnothing")
-    clear = tmp_path / "clear.png"
-    Image.new("RGBA", (8, 8)).save(clear)
-    for path, message in (
-        (tmp_path / "none.png", "cannot be read"), (broken, "no readable picture"),
-        (clear, "transparent throughout"),
-    ):  # fmt: skip
-        with pytest.raises(InputError, match=message):
-            Palette(path)
-    picture = tmp_path / "red.png"
-    Image.new("RGB", (8, 8), "red").save(picture)
-    invisible = replace(grey_table(), logit_opacities=np.full(400, -np.inf, np.float32))
-    with pytest.raises(UsageError, match="nothing that can be seen"):
-        apply(invisible, Palette(picture))
-    with pytest.raises(UsageError, match="0 to 1"):
-        Palette(picture, 1.5)

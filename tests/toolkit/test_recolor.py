@@ -63,29 +63,6 @@ def test_an_affine_grade_acts_on_pictures_exactly_as_on_colors(name):
     np.testing.assert_allclose(after.color.numpy(), expected, atol=2e-5)
 
 
-def test_defaults_change_nothing():
-    table = shiny_table()
-    np.testing.assert_allclose(recolor(table).sh, table.sh, atol=1e-6)
-
-
-def test_sliders_do_what_photographers_expect():
-    grey = np.full((1, 3), 0.4)
-    warm, cold = Grade(temperature=9000.0)(grey)[0], Grade(temperature=4000.0)(grey)[0]
-    assert warm[0] > 0.4 > warm[2]
-    assert cold[0] < 0.4 < cold[2]
-    magenta = Grade(tint=0.5)(grey)[0]
-    assert magenta[1] < 0.4 < magenta[0]
-    assert magenta[0] == pytest.approx(magenta[2])
-    for grade in (Grade(temperature=9000.0), Grade(tint=0.5)):  # luminance is kept
-        light = grade(grey)[0] ** 2.2
-        assert light @ np.array([0.2126, 0.7152, 0.0722]) == pytest.approx(0.4**2.2, rel=2e-3)
-    np.testing.assert_allclose(Grade(exposure=1.0)(grey) ** 2.2, 2 * grey**2.2)
-    red = np.array([[0.8, 0.1, 0.1]])
-    assert np.ptp(Grade(saturation=0.0)(red)) < 1e-12
-    turned = Grade(hue=120.0)(red)
-    np.testing.assert_allclose(turned, [[0.1, 0.8, 0.1]], atol=1e-12)
-
-
 def test_white_is_that_of_the_standard_illuminants():
     x, y = 0.44757, 0.40745  # illuminant A, 2856 K (CIE 15)
     expected = np.array([x / y, 1, (1 - x - y) / y])
@@ -155,9 +132,3 @@ def test_opacities_are_set_and_scaled():
 def test_values_out_of_range_are_named(values, message):
     with pytest.raises(UsageError, match=message):
         Grade(**values)
-
-
-@pytest.mark.parametrize("text", ["", "0.5", "0.5:0.6:0.7", "a:b", "0.1:0.2;0.3:0.4"])
-def test_a_curve_that_cannot_be_read_shows_how_to_write_one(text):
-    with pytest.raises(UsageError, match=r"0:0\.1,0\.5:0\.6"):
-        parse_curve(text)

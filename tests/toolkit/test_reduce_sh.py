@@ -24,13 +24,3 @@ def test_the_loss_is_the_rmse_of_colors_over_directions():
     after = np.einsum("dk,nkc->ndc", values[:, :4], less.sh)
     assert lost.rmse == pytest.approx(np.sqrt(np.mean((before - after) ** 2)), rel=1e-3)
     assert f"{lost.rmse:.4f} of 1" in said[0]
-
-
-def test_nothing_to_drop_is_told():
-    said = []
-    table = random_table(5, 1)
-    assert apply(table, ReduceSH(2), say=said.append).degree == 1
-    assert said == ["has SH of degree 1: there is nothing to drop"]
-    plain = replace(table, sh=table.sh * (np.arange(4) == 0)[None, :, None])
-    apply(plain.replace(sh=plain.sh.astype(np.float32)), ReduceSH(0), say=said.append)
-    assert "no color changes" in said[-1]

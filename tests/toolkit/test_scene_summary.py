@@ -6,11 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
 
 from gsedit.errors import InputError
 from gsedit.formats.streams import SceneHeader, SceneSource, in_blocks
-from gsedit.pictures.scene_table import plot_histograms
 from gsedit.scene.table import SplatTable
 from gsedit.toolkit.scene_summary import COLUMNS, QUANTILES, quantiles_of, summarise
 
@@ -50,15 +48,6 @@ def test_the_numbers_are_those_of_the_whole_scene():
     assert (summary.gaussians, summary.sh_degree, summary.quantiles_of_every) == (101, 1, 1)
 
 
-def test_of_a_large_scene_every_third_row_tells_and_the_ends_are_exact():
-    table = random_table(1000)
-    summary, sample = summarise(source_of(table), most_values=400)
-    assert summary.quantiles_of_every == 3
-    np.testing.assert_array_equal(np.sort(sample.values("x")), np.sort(table.means[::3, 0]))
-    assert summary.x[0] == table.means[:, 0].min()
-    assert summary.x[-1] == table.means[:, 0].max()
-
-
 def test_invalid_rows_are_counted_and_in_no_number():
     table = random_table(20)
     table.means[3, 1] = np.nan
@@ -69,12 +58,3 @@ def test_invalid_rows_are_counted_and_in_no_number():
     assert np.isfinite([getattr(summary, name) for name in COLUMNS]).all()
     with pytest.raises(InputError, match="all 2 rows"):
         summarise(source_of(table[[3, 8]]))
-
-
-def test_histograms_are_drawn_for_any_scene(tmp_path):
-    needles = random_table(2)
-    needles.log_scales[:] = (-120.0, -110.0, 2.0)  # their elongation is infinite in float32
-    for table in (random_table(50), random_table(1), needles):
-        _, sample = summarise(source_of(table))
-        plot_histograms(sample, r"a$\no$.ply", tmp_path / f"{len(table)}.png")
-        assert Image.open(tmp_path / f"{len(table)}.png").size == (1200, 700)

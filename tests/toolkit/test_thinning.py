@@ -7,14 +7,14 @@ import pytest
 import torch
 
 from gsedit import orbit
-from gsedit.errors import InputError, UsageError
+from gsedit.errors import InputError
 from gsedit.scene.merging.pairs import groups, log_determinant, moments_of, represent
 from gsedit.scene.morton import morton_codes
 from gsedit.scene.table import SplatTable, concatenate_tables, gaussians_of, table_of
 from gsedit.synthetic import surface_gaussians
 from gsedit.synthetic.gallery import globe
 from gsedit.toolkit import Decimate, Order, apply, merge
-from gsedit.toolkit.decimate import importance, mean_area, picture_change
+from gsedit.toolkit.decimate import picture_change
 
 
 def decimate(table: SplatTable, count: int | None = None, **words) -> SplatTable:
@@ -70,14 +70,6 @@ def test_mortons_order_keeps_near_rows_together():
     assert morton_codes(np.array([[np.nan, 0, 0], [0, 0, 0]], np.float32)).argmax() == 0
 
 
-def test_the_order_of_importance_starts_with_the_largest():
-    values = importance(apply(haze(), Order("importance")))
-    assert (np.diff(values) <= 0).all()
-    np.testing.assert_allclose(mean_area(np.array([[2.0, 2.0, 2.0]])), 4.0)
-    with pytest.raises(UsageError, match="morton"):
-        Order("size")
-
-
 def test_joined_splats_keep_mass_mean_covariance_and_color():
     table = haze()
     few = decimate(table, 40)
@@ -127,36 +119,8 @@ def test_joining_looks_better_than_leaving_out():
     assert picture_change(table, table, views) == np.inf
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        ({}, "a number or to a share"),
-        ({"count": 0}, "at least 1"),
-        ({"share": 1.5}, "150 %"),
-        ({"count": 3, "method": "best"}, "importance"),
-    ],
-)
-def test_wrong_amounts_are_refused(words, message):
-    with pytest.raises(UsageError, match=message):
-        decimate(haze(), **words)
-
-
-def test_a_share_is_rounded_up_and_not_beyond():
-    table = haze(100)
-    assert [len(decimate(table, share=s, method="random")) for s in (0.55, 0.07, 1e-9)] == [
-        55,
-        7,
-        1,
-    ]
-
-
 def test_invalid_rows_are_not_joined():
     table = haze(20)
     table.means[3, 1] = np.nan
     with pytest.raises(InputError, match=r"row 3 \(from 0\): column y is nan"):
         decimate(table, 10)
-
-
-def test_more_than_there_are_stay():
-    assert decimate(haze(), 10_000).means.shape == (300, 3)
-    assert len(decimate(haze(10)[:1], 1)) == 1

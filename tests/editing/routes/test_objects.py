@@ -12,13 +12,9 @@ import torch
 from changes import Known, changed_by
 
 import gsedit
-from gsedit.editing.parts import Parts, in_region
-from gsedit.editing.placements import paint_objects
 from gsedit.editing.plan import runs_of
-from gsedit.errors import UsageError
 from gsedit.objects.outcome import NEW, Outcome
 from gsedit.paper.settings import EditSettings
-from gsedit.words.instruction import Change, Place
 from gsedit.words.read import read_instruction
 from rasterizer.scene import Gaussians, concatenate
 
@@ -91,43 +87,6 @@ def test_it_is_what_was_named_or_made_last():
     assert (repainted(routed.scene, rows) == flags(slice(1000, 1100), 1100)).all()
 
 
-def test_the_first_noun_is_the_subject_and_another_one_is_not():
-    routed = applied("remove the statue")
-    assert routed.before is not None
-    assert (routed.before.inside == flags(SUBJECT)).all()
-    with pytest.raises(UsageError, match="the vase"):
-        applied("move the statue next to the vase")
-
-
-def test_a_removed_background_leaves_the_subject_alone():
-    routed = applied("remove everything but the statue")
-    assert torch.equal(routed.scene.means, tiny_edits.scene().means[SUBJECT])
-    assert not routed.region.inside.any()
-
-
-def test_new_background_is_background_and_a_copy_is_not():
-    scene = tiny_edits.scene()
-    known = {"subject": flags(SUBJECT), "background": ~flags(SUBJECT), "scene": flags(slice(None))}
-    change = Change("subject", "object", "remove", None, None, "object", "it")
-    after = Parts({}, known).after(change, paint_objects(scene, [change], known)).flags
-    assert after["background"].all()
-    assert not after["subject"].any()
-    copy = replace(change, name="copy", place=Place("beside", "it"))
-    after = Parts({}, known).after(copy, paint_objects(scene, [copy], known)).flags
-    assert not after["background"][1000:].any()
-    assert after["the copy"][1000:].all()
-    assert after["scene"].all()
-
-
-@pytest.mark.parametrize(
-    ("inside", "words"), [(slice(0), "nothing of it"), (slice(None), "whole scene")]
-)
-def test_what_is_empty_or_all_is_no_object(inside, words):
-    change = Change("subject", "object", "remove", None, None, "object", "it")
-    with pytest.raises(UsageError, match=words):
-        paint_objects(tiny_edits.scene(), [change], {"subject": flags(inside)})
-
-
 @pytest.mark.parametrize(
     ("sentence", "done"),
     [
@@ -143,11 +102,6 @@ def test_what_places_one_object_is_done_at_once(sentence, done):
     grouped = list(runs_of(read))
     assert [each for run in grouped for each in run] == list(read.changes)
     assert [len(run) for run in grouped] == done
-
-
-def test_a_file_that_is_not_there_is_told(tmp_path):
-    with pytest.raises(gsedit.InputError, match=r"no\.ply"):
-        applied(f"insert {tmp_path / 'no.ply'} beside the red one")
 
 
 def test_an_edit_of_objects_from_python_is_written_with_both_regions(tmp_path):
@@ -172,10 +126,3 @@ def test_an_edit_of_objects_from_python_is_written_with_both_regions(tmp_path):
         overwrite=True,
     )
     assert not (tmp_path / "out" / "region_before.npy").exists()
-
-
-def test_a_region_is_what_every_phrase_names():
-    (step,) = in_region([read_instruction("remove the red one")], "sphere:0,0,0,1")
-    assert (step.changes[0].target, step.changes[0].phrase) == ("subject", "")
-    (step,) = in_region([read_instruction("insert a.ply beside the bear")], "sphere:0,0,0,1")
-    assert step.changes[0].phrase == "a.ply"

@@ -79,19 +79,6 @@ def test_a_finish_decides_what_depends_on_the_direction(ball):
     assert min(shine["glossy"], shine["metallic"]) > 0
 
 
-def test_a_color_that_is_also_a_material_is_paint(ball):
-    _, scene, own, cameras = ball
-    after = painted(scene, paint("gold", "#dbb40c"), own, cameras).scene
-    assert after.degree == scene.degree
-
-
-def test_a_part_that_the_cameras_stand_in_keeps_its_old_shading(ball):
-    _, scene, own, cameras = ball
-    after = painted(scene, paint("grey", "#808080"), ~own, cameras).scene
-    before, now = (scene.sh[~own, 0].mean(-1), after.sh[~own, 0].mean(-1))
-    assert float(torch.corrcoef(torch.stack((before, now)))[0, 1]) > 0.8
-
-
 def test_a_region_of_nothing_and_a_color_that_is_none_are_refused(ball):
     _, scene, own, _ = ball
     with pytest.raises(UsageError, match="--region"):

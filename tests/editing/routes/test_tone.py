@@ -42,11 +42,6 @@ def test_a_tone_of_the_scene_is_the_map_of_its_pictures(scene, name):
     assert np.abs(after.numpy() - expected).max() < 2e-3
 
 
-@pytest.mark.parametrize("amount", [-0.5, -0.2, 0.2, 1.0])
-def test_brightness_is_a_factor_of_display_colors(amount):
-    assert tone_map("brightness", amount)(np.full((1, 3), 0.4)) == pytest.approx(0.4 * (1 + amount))
-
-
 @pytest.mark.parametrize("name", ["brightness", "contrast", "saturation", "warmth"])
 def test_the_sign_is_done(name):
     colors = np.array([[0.8, 0.5, 0.3], [0.2, 0.3, 0.6]])

@@ -24,7 +24,7 @@ from gsedit.errors import UsageError
 from gsedit.fitting.settings import UpdateSettings
 from gsedit.paper.strategies.single_pass import SinglePass
 from gsedit.select.finder import Finder
-from gsedit.select.region import Region, coverage, in_one_color, lift
+from gsedit.select.region import Region, coverage, lift
 from rasterizer import render
 
 SIZE = 48
@@ -142,12 +142,6 @@ def test_the_ground_truth_is_that_of_the_region(labelled, data):
     assert part.metrics.psnr_to_ground_truth > whole.metrics.psnr_to_ground_truth + 3
 
 
-def test_looks_of_the_whole_picture_are_of_everything(labelled, data):
-    result = run(labelled, data, "auto")
-    assert result.region.is_all
-    assert "whole scene" in result.region.note
-
-
 def test_an_instruction_that_nobody_reads_shows_the_region_by_its_edits(labelled, data):
     editor = Painter(labelled.subject, labelled.gaussians, data)
     result = run(labelled, data, "auto", editor, prompt=UNREAD)
@@ -158,33 +152,8 @@ def test_an_instruction_that_nobody_reads_shows_the_region_by_its_edits(labelled
     assert drawn_region(finder(labelled, data), editor, UNREAD) is None
 
 
-def test_the_small_editor_finds_the_subject_and_looks_of_the_scene(labelled, data):
-    small = make_editor("small")
-    known = finder(labelled, data)
-    statue_only = drawn_region(known, small, "turn it into a gold statue")
-    assert not statue_only.is_all
-    assert statue_only.note.startswith("auto: ")
-    for prompt in ("make it night", "a snowy winter day", "as a pencil sketch"):
-        found = drawn_region(known, small, prompt)
-        assert found.is_all, prompt
-
-
 def test_empty_and_unknown_regions_are_refused(labelled, data):
     with pytest.raises(UsageError, match=r"holds no Gaussian .* whose centers are from"):
         run(labelled, data, "sphere:50,0,0,1")
     with pytest.raises(UsageError, match="give auto, all"):
         EditSettings(region="the bear")
-
-
-def test_masks_are_drawn_on_photos(labelled, data, tmp_path):
-    from PIL import Image
-
-    truth = in_one_color(labelled.gaussians, labelled.subject)
-    for index in (0, 4):  # 0 is held out: a mask may be drawn on any photo
-        with torch.no_grad():
-            mask = render(truth, data.views[index].camera).color > 0.5
-        Image.fromarray(255 * mask.numpy().astype(np.uint8)).save(tmp_path / f"view_{index}.png")
-    found = finder(labelled, data, str(tmp_path)).subject
-    ones = [torch.ones(SIZE, SIZE)] * 9
-    weight = lift(labelled.gaussians, [v.camera for v in data.views], ones).weight
-    assert iou(found.inside, labelled.subject, weight) > 0.8

@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 import torch
 from gsedit_cli.verbs.list import preset_values
 from three_scenes import Swapped
+from tiny_edits import data, scene, steps
 
-from gsedit import Dataset, EditSettings, edit_steps
-from gsedit.datasets.dataset import capture
+from gsedit import EditSettings
 from gsedit.errors import UsageError
 from gsedit.paper.settings import PRESETS
 from gsedit.paper.strategies.single_pass import SinglePass
 from gsedit.paper.view_plan import random_plan
-from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
 
 PAGE = Path(__file__).parents[3] / "docs" / "concepts" / "differences.md"
 
@@ -41,15 +39,11 @@ class Watched(Swapped):
 
 @pytest.mark.parametrize(("anchors", "tied"), [(0, [0, 0]), (1, [0, 1])])
 def test_batches_are_tied_by_anchors_alone(anchors, tied):
-    scene = surface_gaussians(demo_scene(), 500, torch.Generator().manual_seed(0))
-    views = capture(scene, ring_cameras(demo_scene(), 9, 48), [str(i) for i in range(9)])
-    settings = EditSettings(batches=2, coverage=1.0, region="all", held_out_edits=0)
+    settings = EditSettings(
+        batches=2, coverage=1.0, region="all", held_out_edits=0, anchors=anchors
+    )
     editor = Watched()
-    *_, result = edit_steps(
-        scene, "as bronze", views=Dataset(views), editor=editor,
-        settings=replace(settings, anchors=anchors), strategy=SinglePass(update_steps=1),
-        generator=torch.Generator().manual_seed(0),
-    )  # fmt: skip
+    *_, result = steps(scene(), data(), settings, SinglePass(update_steps=1), editor)
     assert editor.tied == tied
     batches = [{view.name for view in result.targets[k : k + 3]} for k in (0, 3)]
     pairs = [{a, b} for a, b, _ in result.metrics.pairs]

@@ -23,7 +23,6 @@ from gsedit.paper.strategies import find_strategy, strategy_names
 from gsedit.paper.strategies.single_pass import SinglePass
 from gsedit.runs.state import load_state, save_state
 from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
-from rasterizer import Execution
 
 SETTINGS = EditSettings(
     sampler=SamplerSettings(steps=4),
@@ -228,19 +227,3 @@ def test_an_edit_goes_on_after_kill_9(request_, tmp_path):
         assert child.wait() == -signal.SIGKILL
     resumed = deque(request_.steps(load_state(state)), 1).pop()
     assert_same_result(resumed, deque(request_.steps(), 1).pop())
-
-
-@pytest.mark.parametrize(("first", "then"), [("auto", "torch"), ("torch", "auto")])
-def test_an_edit_goes_on_with_another_kernel(request_, tmp_path, first, then):
-    """The kernel that renders is no part of the request."""
-
-    def by(kernel):
-        return replace(SETTINGS, batches=1, execution=Execution(kernel=kernel))
-
-    whole = write(request_.steps(settings=by(first)), tmp_path)
-    states = sorted(tmp_path.iterdir())
-    state = load_state(states[len(states) // 2])
-    resumed = deque(request_.steps(state, settings=by(then)), 1).pop()
-    assert asdict(resumed.work) == asdict(whole.work)
-    changed = (whole.scene.sh - request_.scene.sh).abs().mean()
-    assert (resumed.scene.sh - whole.scene.sh).abs().mean() < 0.02 * changed

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import replace
-from math import isqrt
 
 import pytest
 import torch
@@ -12,7 +11,7 @@ from three_scenes import EXHIBITS, Exhibit
 
 from gsedit.consistency.correspond import correspond
 from gsedit.consistency.depth_maps import DEFAULT_RULES
-from gsedit.fitting.random_crops import crops_needed, cut, random_patch, share_of_crops
+from gsedit.fitting.random_crops import cut, random_patch, share_of_crops
 from gsedit.paper.edit_views import MIN_MATCH_OVERLAP
 from gsedit.paper.survey import INVISIBLE_COLOR, band_colors, visible_coefficients
 from gsedit.paper.view_plan import survey, view_overlap
@@ -116,13 +115,3 @@ def test_crops_that_are_left_out_hardly_depend_on_the_region(exhibit):
         assert difference[~mask].abs().max() <= bound
         largest = max(largest, float(difference.abs().max()))
     assert largest > 10 * bound
-
-
-def test_as_many_crops_are_drawn_as_show_the_region():
-    assert [crops_needed(4, share) for share in (0.0, 0.1, 0.25, 0.26, 0.9, 1.0)] == [
-        1, 1, 1, 2, 4, 4,
-    ]  # fmt: skip
-
-
-def test_the_degree_of_the_exhibits():
-    assert [isqrt(make().scene.sh.shape[1]) - 1 for make in EXHIBITS.values()] == [3, 1, 0]

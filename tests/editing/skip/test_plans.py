@@ -15,7 +15,6 @@ from gsedit import EditSettings, edit
 from gsedit.datasets.cameras_json import write_cameras
 from gsedit.diffusion.settings import SamplerSettings
 from gsedit.editing.edit import plan_edit
-from gsedit.errors import UsageError
 from gsedit.fitting.settings import UpdateSettings
 from gsedit.formats.scenes import save
 from gsedit.paper.skips import DECISIONS
@@ -93,10 +92,3 @@ def test_explain_edits_nothing_and_needs_no_folder(tmp_path):
     assert [each["name"] for each in record["decisions"]] == list(DECISIONS)
     assert sorted(tmp_path.rglob("*")) == before
     assert "or add --explain" in gsedit(*words).stderr
-
-
-def test_an_unknown_name_cannot_be_disabled():
-    with pytest.raises(
-        UsageError, match="shapes: nothing that can be disabled; give some of merging"
-    ):
-        EditSettings(disable="views, shapes")

@@ -28,8 +28,6 @@ from tiny_dreamlite import tiny_dreamlite
 from gsedit.diffusion.flow import FlowScheduler
 from gsedit.diffusion.guidance import Need
 from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editor_protocol import for_settings
-from gsedit.errors import UsageError
 from gsedit.models.dreamlite import INSTRUCTION, DreamLite, Reader
 from gsedit.models.loading import load_model
 
@@ -87,15 +85,6 @@ def test_every_step_of_mobile_equals_diffusers(mobile, monkeypatch):
     assert len(found) == 4
 
 
-def test_pictures_equal_those_of_diffusers(mobile):
-    images, model = pictures(1), ours(mobile, distilled=True)
-    generator = torch.Generator().manual_seed(2)
-    expected = mobile(PROMPT, image=as_files(images)[0], generator=generator, output_type="pt")
-    *_, x = states(model, images, noise(model, images), ALONE)
-    shown = expected.images.movedim(1, -1)
-    assert_near(model.decode(x).clamp(0, 1), shown, NETWORK)
-
-
 def test_text_is_read_as_diffusers_reads_it(base):
     """Beside the picture of its own view; filled up on neither side."""
     images, model = pictures(2), ours(base)
@@ -108,21 +97,6 @@ def test_text_is_read_as_diffusers_reads_it(base):
         assert_near(condition.null[view], null, NETWORK)
         assert_near(condition.text[view], text, NETWORK)
     assert not torch.equal(condition.text[0], condition.text[1])
-
-
-def test_the_condition_is_not_scaled_and_the_start_is(base):
-    images, model = pictures(2), ours(base)
-    shown = model.condition(images, PROMPT, torch.Generator()).images
-    assert_near(shown, _encoded(base, images), NETWORK)
-    assert_near(model.encode(images), (shown - 0.1) * 0.7, NETWORK)
-    x = images.clone().requires_grad_()
-    latents = (model.encode(x), 0.7 * _encoded(base, x))
-    slope, expected = (torch.autograd.grad(z.sum(), x)[0] for z in latents)
-    assert_near(slope, expected, NETWORK)
-
-
-def _encoded(pipe, images: torch.Tensor) -> torch.Tensor:
-    return pipe.prepare_image_latents(2 * images.movedim(-1, 1) - 1, torch.float32, "cpu")
 
 
 @pytest.mark.parametrize("distilled", [False, True])
@@ -146,16 +120,3 @@ def test_a_saved_folder_is_the_same_model(mobile, tmp_path):
     expected = states(model, images, start, ALONE)
     assert (loaded.name, loaded.size) == ("dreamlite-mobile", 256)
     assert_same_steps(states(loaded, images, start, ALONE), expected)
-
-
-def test_bad_requests_name_the_next_move(base, mobile):
-    model = ours(base, most=len(PROMPT))  # a letter is a token here
-    model.check(PROMPT)
-    with pytest.raises(UsageError, match=r"2 tokens .* fewer words"):
-        model.check(PROMPT + "!!")
-    with pytest.raises(UsageError, match="empty"):
-        model.check(" ")
-    with pytest.raises(UsageError, match=r"without guidance.*leave it out"):
-        for_settings(ours(mobile, distilled=True), SamplerSettings(guidance_text=3.0))
-    with pytest.raises(UsageError, match="spacing"):
-        states(model, pictures(1), torch.zeros(1, 4, 8, 12), SamplerSettings(spacing="karras"))

@@ -10,11 +10,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from safetensors.torch import save_file
 from small_hub import SmallHub, small_hub
 
-from gsedit.errors import InputError
-from gsedit.models import hub as hub_module
 from gsedit.models.loading import load_model
 
 UNET = "diffusion_pytorch_model"
@@ -67,17 +64,6 @@ def test_a_download_is_agreed_to_and_only_what_is_used_is_fetched(repository, tm
     assert load_model(Path(done.stdout.strip())).vae.config.latent_channels == 4
 
 
-def test_half_precision_of_a_branch_is_fetched_where_there_is_no_other(repository, tmp_path):
-    unet = repository / "unet"
-    shutil.move(unet / f"{UNET}.safetensors", unet / f"{UNET}.fp16.safetensors")
-    with small_hub(tmp_path / "hub") as hub:
-        done = find(hub, tmp_path / "cache", yes="True", model="owner/name@a-branch")
-    assert done.returncode == 0, done.stderr
-    assert hub.revisions
-    assert "main" not in hub.revisions
-    assert f"{UNET}.fp16.safetensors" in hub.fetched
-
-
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -99,19 +85,3 @@ def test_what_cannot_be_used_is_said_before_it_is_fetched(repository, tmp_path, 
     with small_hub(tmp_path / "hub") as hub:
         assert message in refusal(find(hub, tmp_path / "cache", yes="True"))
     assert hub.sent < 30_000
-
-
-@pytest.mark.usefixtures("offline")
-def test_places_are_looked_at_in_order(folder, tmp_path, monkeypatch):
-    assert hub_module.find("someone/tiny", folder.parent) == folder
-    with pytest.raises(InputError, match="no such model folder"):
-        load_model(tmp_path / "nothing" / "here")
-    with pytest.raises(InputError) as caught:
-        load_model("owner/name", weights_dir=tmp_path)
-    message = str(caught.value)
-    for place in ("owner/name", str(tmp_path / "owner" / "name"), str(tmp_path / "name")):
-        assert place in message
-    assert "could not be downloaded (no network, or HF_HUB_OFFLINE is set)" in message
-    assert message.endswith("then bring FOLDER here and add --model FOLDER")
-    save_file({}, tmp_path / "a.safetensors")
-    assert hub_module.find(str(tmp_path / "a.safetensors")) == tmp_path / "a.safetensors"

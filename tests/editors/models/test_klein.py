@@ -6,13 +6,12 @@ import model_laws
 import pytest
 import torch
 from closeness import NETWORK, assert_near
-from tiny_flux import klein, picture, saved, trace, views
+from model_runs import as_files, noise, pictures
+from tiny_flux import klein, trace
 from torch.nn.functional import pixel_unshuffle
 
 from gsedit.diffusion.guidance import Need
 from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editor_protocol import for_settings
-from gsedit.errors import UsageError
 from gsedit.models.klein import packed
 from gsedit.models.loading import load_model
 
@@ -28,28 +27,27 @@ def short():
         yield
 
 
-def noise(count: int = 2, rows: int = 8, columns: int = 12) -> torch.Tensor:
-    return torch.randn(count, 2, rows, columns, generator=torch.Generator().manual_seed(2))
-
-
 KINDS = {"distilled": {}, "guided": {"distilled": False}}
 
 
 @pytest.fixture(scope="module", params=KINDS)
 def both(request, tmp_path_factory):
     pipe = klein(**KINDS[request.param])
-    return pipe, load_model(saved(pipe, tmp_path_factory.mktemp("klein")))
+    folder = tmp_path_factory.mktemp("klein")
+    pipe.save_pretrained(folder)
+    return pipe, load_model(folder)
 
 
 @torch.no_grad()
 def test_every_step_equals_diffusers(both):
     pipe, model = both
-    pictures, start = views(2, 64, 72), noise(2, 32, 36)  # the pipeline takes 64 pixels or more
+    images = pictures(2, 64, 72)  # the pipeline takes 64 pixels or more
+    start = noise(model, images)
     expected = [
         trace(
             pipe,
             prompt=model_laws.PROMPT,
-            image=picture(view),
+            image=file,
             height=64,
             width=72,
             latents=pixel_unshuffle(x[None], 2),
@@ -57,10 +55,10 @@ def test_every_step_equals_diffusers(both):
             max_sequence_length=LENGTH,
             guidance_scale=4.0,
         )
-        for view, x in zip(pictures, start)
+        for file, x in zip(as_files(images), start)
     ]
     settings = SamplerSettings(steps=3, strength=1.0, consensus=False)
-    steps = list(model_laws.run(model, pictures, start, settings))
+    steps = list(model_laws.run(model, images, start, settings))
     assert len(steps) == 3
     for step, theirs in zip(steps, zip(*expected)):
         assert_near(packed(step.x), torch.cat(theirs), NETWORK)
@@ -70,18 +68,20 @@ def test_every_step_equals_diffusers(both):
 def test_laws(both):
     _, model = both
     need = Need(True, not model.distilled, not model.distilled)
-    model_laws.micro_batches_change_nothing(model, views(3, 16, 24), noise(3), need)
-    model_laws.views_do_not_mix(model, views(2, 16, 24), noise(), need)
-    model_laws.consensus_law_holds(model, views(2, 16, 24), noise())
+    images = pictures(3)
+    start = noise(model, images)
+    model_laws.micro_batches_change_nothing(model, images, start, need)
+    model_laws.views_do_not_mix(model, images[:2], start[:2], need)
+    model_laws.consensus_law_holds(model, images[:2], start[:2])
 
 
 @torch.no_grad()
 def test_encode_and_decode_equal_the_pipelines(both):
     pipe, model = both
-    pictures = views(2, 32, 36)
-    pixels = 2 * pictures.movedim(-1, 1) - 1
+    images = pictures(2, 32, 36)
+    pixels = 2 * images.movedim(-1, 1) - 1
     theirs = pipe._encode_vae_image(pixels, torch.Generator())
-    ours = model.encode(pictures)
+    ours = model.encode(images)
     assert_near(pixel_unshuffle(ours, 2), theirs, NETWORK)
     mean, variance = (
         each.view(1, -1, 1, 1) for each in (pipe.vae.bn.running_mean, pipe.vae.bn.running_var)
@@ -89,21 +89,3 @@ def test_encode_and_decode_equal_the_pipelines(both):
     latents = theirs * (variance + pipe.vae.config.batch_norm_eps).sqrt() + mean
     expected = pipe.vae.decode(pipe._unpatchify_latents(latents)).sample
     assert_near(model.decode(ours), expected.movedim(1, -1) / 2 + 0.5, NETWORK)
-
-
-def test_a_long_instruction_is_refused(both):
-    _, model = both
-    model.check("make " * 15)
-    with pytest.raises(UsageError, match="longer than this model reads"):
-        model.check("make " * 30)
-
-
-def test_guidance_of_a_distilled_model_is_refused(both):
-    _, model = both
-    if not model.distilled:
-        return
-    with pytest.raises(UsageError, match="distilled"):
-        for_settings(model, SamplerSettings(guidance_text=4.0))
-    condition = model.condition(views(1, 16, 24), model_laws.PROMPT, torch.Generator())
-    with pytest.raises(UsageError, match="distilled"):
-        model.branches(noise(1), 500.0, condition, Need())

@@ -13,12 +13,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from command_line import gsedit, one_line
+from command_line import gsedit
 from point_clouds import ball, cloud
 from scipy.spatial.transform import Rotation
 
 from gsedit.datasets.viewpoints import Viewpoint
-from gsedit.errors import GseditError, UsageError
+from gsedit.errors import UsageError
 from gsedit.formats.scenes import save
 from gsedit.pictures.viewer import browser
 from gsedit.scene.framing import framing_camera
@@ -67,15 +67,6 @@ def test_every_state_shows_each_gaussian_once(scene, tinted):
         "both_outside": 150, "both_inside": 20, "both_tinted": 20,
         "before_inside": 30, "before_tinted": 30, "after_inside": 30, "after_tinted": 30,
     }  # fmt: skip
-
-
-def test_scenes_of_different_sizes_share_nothing():
-    page = browser.make_layers(ball(200), ball(100), torch.arange(100) < 7)
-    assert {layer.name: len(layer.splats) for layer in page} == {
-        "before": 200, "after_outside": 93, "after_inside": 7, "after_tinted": 7,
-    }  # fmt: skip
-    with pytest.raises(UsageError, match="99 flags"):
-        browser.make_layers(ball(200), ball(100), torch.ones(99, dtype=torch.bool))
 
 
 def test_far_splats_look_the_same_from_the_middle_and_fit_float16():
@@ -145,32 +136,6 @@ def test_the_live_page_answers_no_other_web_site(viser):
             urllib.request.urlopen(request)
 
 
-def test_the_live_page_is_on_this_machine_only_and_its_controls_work(viser, capsys):
-    page = some_page(cameras=[Viewpoint("a", framing_camera(ball()))])
-    with browser.server(page, port=0) as (live, handles):
-        browser.add_controls(live, page, handles)
-        assert live.get_host() == "127.0.0.1"
-        port = live.get_port()
-        with urllib.request.urlopen(f"http://127.0.0.1:{port}/") as answer:
-            assert b"<title>" in answer.read()
-        visible = {name for name, handle in handles.items() if handle.visible}
-        assert visible == {"both_outside", "both_inside", "after_inside"}
-    assert capsys.readouterr().out == ""  # stdout is for results
-
-
-def test_viser_still_has_the_names_that_the_buttons_need(viser):
-    """The buttons of a file reach into viser's React context by these names."""
-    import pathlib
-
-    sources = pathlib.Path(viser.__file__).parent / "client" / "src"
-    if not sources.is_dir():
-        pytest.skip("this viser comes without its sources")
-    context = (sources / "App.tsx").read_text()
-    for name in ("sceneTreeActions:", "useSceneTree:", "requestRender:", "__VISER_EMBED_DATA__"):
-        assert name in context
-    assert "updateNodeAttributes" in (sources / "SceneTree.tsx").read_text()
-
-
 def test_view_writes_a_page_with_the_region_of_an_edit(viser, tmp_path):
     scene = ball(200)
     save(scene, tmp_path / "before.ply")
@@ -184,29 +149,3 @@ def test_view_writes_a_page_with_the_region_of_an_edit(viser, tmp_path):
     text = out.read_text()
     assert '"after_tinted"' in text
     assert "<title>before.ply | scene.ply</title>" in text
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["-o", "page.jpg"], "name a .html file"),
-        (["--selection", "flags.npy", "-o", "page.html"], "has flags of shape (3,)"),
-        (["nothing.ply", "-o", "page.html"], "nothing.ply"),
-    ],
-    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
-)
-def test_requests_that_cannot_be_shown_are_one_line(viser, words, message, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    save(ball(), "a.ply")
-    np.save("flags.npy", np.ones(3, dtype=bool))
-    result = gsedit("view", "a.ply", *words)
-    assert result.exit_code in (2, 3)
-    assert message in result.stderr
-    assert one_line(result.stderr)
-    assert not (tmp_path / "page.html").exists()
-
-
-def test_without_viser_the_extra_is_named(monkeypatch, tmp_path):
-    monkeypatch.setitem(__import__("sys").modules, "viser", None)
-    with pytest.raises(GseditError, match=r"pip install viser"):
-        browser.as_html(some_page())

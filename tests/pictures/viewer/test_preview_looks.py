@@ -50,41 +50,6 @@ def test_attributes_are_what_their_names_say():
     assert np.isnan(drawing.attribute(behind, "depth", ahead()).values).tolist() == [True, False]
 
 
-def test_f_rest_is_counted_as_in_inrias_files():
-    scene = ball(4)
-    sh = torch.arange(4 * 4 * 3.0).reshape(4, 4, 3)
-    scene = type(scene)(scene.means, scene.quats, scene.log_scales, scene.logit_opacities, sh)
-    # three coefficients a channel: f_rest_4 is green's second
-    assert np.array_equal(drawing.attribute(scene, "f_rest_4", ahead()).values, sh[:, 2, 1].numpy())
-
-
-@pytest.mark.parametrize(
-    ("name", "move"),
-    [
-        ("opactiy", r"did you mean opacity\?"),
-        ("scale_3", "choose one of color, .*, label, f_dc_0"),
-        ("f_rest_0", "choose one of "),
-        ("lable", r"did you mean label\?"),
-    ],
-)
-def test_an_unknown_attribute_has_a_next_move(name, move):
-    with pytest.raises(UsageError, match=f"'{name}'.*{move}") as raised:
-        drawing.attribute(ball(), name, ahead(), {"label": np.zeros(200)})
-    assert "\n" not in str(raised.value)
-
-
-def test_the_color_bar_leaves_outliers_out_and_is_never_empty():
-    values = np.linspace(0, 1, 1000)
-    values[-1] = 1e9
-    low, high = drawing.limits([drawing.Attribute(values, "a", False)])
-    assert low >= 0
-    assert high < 1
-    low, high = drawing.limits([drawing.Attribute(np.full(3, 5.0), "a", False)])
-    assert low < high
-    nothing = drawing.Attribute(np.full(3, np.nan), "a", False)
-    assert drawing.limits([nothing])[0] < drawing.limits([nothing])[1]
-
-
 def test_points_are_colored_by_the_attribute():
     panels = [Panel(three((2.0, 4.0, 4.1)))]
     picture = drawn(panels, ahead(), Look("depth", "gray", point_size=5.0))
@@ -129,11 +94,6 @@ def test_ellipsoids_have_the_gaussians_size_and_direction():
     assert np.allclose(extent, 2 * np.array([0.1, 0.5, 0.2]), rtol=0.06)  # a coarse sphere
 
 
-def test_too_many_ellipsoids_are_refused_with_the_way_out():
-    with pytest.raises(UsageError, match=r"at most 10.*--selection"):
-        drawing.ellipsoids(ball(), most=10)
-
-
 def test_cameras_are_where_they_are_and_all_in_the_picture():
     target, up = torch.zeros(3), torch.tensor([0.0, -1.0, 0.0])
     eyes = torch.tensor([[4.0, 0, 0], [0, 0, 4.0], [-4.0, 0, 0], [0.0, 0, -4.0]])
@@ -176,15 +136,3 @@ def test_requests_that_cannot_be_drawn_are_one_line(words, message, tmp_path, mo
     assert message in result.stderr
     assert one_line(result.stderr)
     assert not (tmp_path / "a.png").exists()
-
-
-def test_both_scenes_keep_their_columns_and_a_selection_is_of_its_own_scene():
-    """A second scene of another length has nothing selected: it is not drawn as ellipsoids."""
-    extras = {"label": np.arange(200)}, {"label": np.arange(150)}
-    flags = torch.arange(200) < 5
-    panels = drawing.shown_panels(
-        ball(), ball(150), Look(ellipsoids=True), flags, ("a", "b"), extras, 0.1
-    )
-    assert [int(panel.selection.sum()) for panel in panels if panel.selection is not None] == [5, 0]
-    shown = [drawing.attribute(p.scene, "label", ahead(), p.extra).values for p in panels]
-    assert [len(values) for values in shown] == [200, 150]
