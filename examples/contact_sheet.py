@@ -21,20 +21,20 @@ import torch
 from PIL import Image, ImageDraw, ImageFont
 
 import gsedit
-from gsedit.cameras.around import find_viewpoints
-from gsedit.cameras.search import ViewConstraints
-from gsedit.datasets.cameras_json import cameras_file, read_cameras
-from gsedit.datasets.view_list_files import HELD_OUT_EVERY
-from gsedit.datasets.viewpoints import Viewpoint, rendered, same_size, thinned
+from gsedit.bench.synthetic import demo_scene
+from gsedit.bench.synthetic.splats import surface_gaussians
 from gsedit.editing.edit import change_steps
 from gsedit.editing.plan import read_steps
-from gsedit.editors import make_editor
 from gsedit.errors import GseditError
 from gsedit.formats.pictures import as_picture
-from gsedit.runs.events import returned
+from gsedit.paper.editors import make_editor
+from gsedit.run.events import returned
 from gsedit.select.finder import Finder
-from gsedit.synthetic import demo_scene
-from gsedit.synthetic.splats import surface_gaussians
+from gsedit.views.around import find_viewpoints
+from gsedit.views.cameras_json import cameras_file, read_cameras
+from gsedit.views.search import ViewConstraints
+from gsedit.views.view_list_files import HELD_OUT_EVERY
+from gsedit.views.viewpoints import Viewpoint, rendered, same_size, thinned
 from rasterizer.camera import Camera
 from rasterizer.render import render
 from rasterizer.scene import Gaussians

@@ -9,7 +9,7 @@ import torch
 from gsedit_cli.main import app
 
 import gsedit
-from gsedit.synthetic import demo_scene, surface_gaussians
+from gsedit.bench.synthetic import demo_scene, surface_gaussians
 
 INSTRUCTION = "turn the bear into a jade statue"
 

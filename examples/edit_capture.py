@@ -12,8 +12,8 @@ from itertools import product
 import torch
 
 import gsedit
-from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editors import make_editor
+from gsedit.paper.diffusion.settings import SamplerSettings
+from gsedit.paper.editors import make_editor
 
 
 def run(path: str, data: str, prompt: str, seeds: int = 3) -> None:

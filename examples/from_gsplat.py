@@ -12,8 +12,8 @@ import torch
 from PIL import Image
 
 import gsedit
-from gsedit.cameras.orbit import orbit
-from gsedit.synthetic import demo_scene, surface_gaussians
+from gsedit.bench.synthetic import demo_scene, surface_gaussians
+from gsedit.views.orbit import orbit
 
 # from gsplat import rasterization
 from rasterizer import rasterization

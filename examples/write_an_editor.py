@@ -17,12 +17,12 @@ from pathlib import Path
 import torch
 
 import gsedit
-from gsedit.cameras.around import around
-from gsedit.consistency.harmonise import harmonise
-from gsedit.editors import Capabilities, EditProgress
+from gsedit.bench.synthetic import demo_scene, surface_gaussians
 from gsedit.formats.pictures import save_picture
+from gsedit.paper.consistency.harmonise import harmonise
+from gsedit.paper.editors import Capabilities, EditProgress
 from gsedit.pictures.contact_sheet import contact_sheet
-from gsedit.synthetic import demo_scene, surface_gaussians
+from gsedit.views.around import around
 
 
 class Fade:

@@ -11,16 +11,12 @@ from rasterizer.lazy import make_lazy
 from rasterizer.notebook import draw_scenes_with
 
 if TYPE_CHECKING:
-    from gsedit.cameras.orbit import orbit
-    from gsedit.cameras.paths import camera_path
-    from gsedit.datasets.dataset import Dataset, View
-    from gsedit.datasets.load import load_dataset
+    from gsedit.capture.fitting.fit import FitResult, fit, fit_steps
+    from gsedit.capture.fitting.settings import FitSettings
     from gsedit.editing.edit import edit, edit_steps
     from gsedit.editing.folder import write_edit
     from gsedit.editing.result import EditResult
     from gsedit.errors import GseditError, InputError, UsageError
-    from gsedit.fitting.fit import FitResult, fit, fit_steps
-    from gsedit.fitting.settings import FitSettings
     from gsedit.formats.scenes import load, save
     from gsedit.paper.settings import EditSettings
     from gsedit.pictures.animations import write_gif, write_mp4
@@ -28,8 +24,12 @@ if TYPE_CHECKING:
     from gsedit.pictures.maps import render_maps
     from gsedit.pictures.rendered_views import write_view
     from gsedit.pictures.viewer.point_clouds import to_open3d, to_pyvista, to_trimesh
-    from gsedit.runs.events import Checkpoint, Event
+    from gsedit.run.events import Checkpoint, Event
     from gsedit.toolkit.differences import SceneDifference, diff
+    from gsedit.views.dataset import Dataset, View
+    from gsedit.views.load import load_dataset
+    from gsedit.views.orbit import orbit
+    from gsedit.views.paths import camera_path
     from rasterizer import Camera, Gaussians, render
 
 make_lazy(__name__)

@@ -11,7 +11,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
-from gsedit.runs.environment import installed_version
+from gsedit.run.environment import installed_version
 
 LITTLE_MEMORY = 4e9
 """Bytes. With less, an edit at the default size still runs; a fit or a large model may not."""
@@ -111,7 +111,7 @@ def check_packages() -> Iterator[Check]:
     weights = installed_version("stlpips_pytorch")
     advice = "perceptual distances need its weights: pip install 'gsedit[perceptual]'"
     yield Check("stlpips_pytorch", weights or "not installed", "" if weights else advice)
-    from gsedit.editors.registry import DEFAULT, EDITORS
+    from gsedit.paper.editors.registry import DEFAULT, EDITORS
 
     _, missing_of = EDITORS.ours[DEFAULT]
     yield Check("default editor", DEFAULT, "; ".join(missing_of()))
@@ -121,7 +121,7 @@ def check_torch() -> Check:
     """Its build: what it computes with, and whether it brings a GPU's libraries for nothing."""
     import torch
 
-    from gsedit.diffusion.precision import has_bfloat16
+    from gsedit.paper.diffusion.precision import has_bfloat16
 
     speed = torch.backends.cpu.get_cpu_capability()
     short = ", bfloat16 in hardware" if has_bfloat16() else ""
@@ -141,7 +141,7 @@ def check_threads() -> Check:
     """How many threads torch takes of the processors that this process may use."""
     import torch
 
-    from gsedit.runs.step_threads import is_decided, waited_seconds
+    from gsedit.run.step_threads import is_decided, waited_seconds
 
     may = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     threads = torch.get_num_threads()
@@ -158,7 +158,7 @@ def check_threads() -> Check:
 
 def check_memory() -> Check:
     """Free memory of the system, or of the container if that is less."""
-    from gsedit.diffusion.memory import free_bytes
+    from gsedit.paper.diffusion.memory import free_bytes
 
     free = free_bytes()
     advice = "close other programs, or use a smaller --size" if free < LITTLE_MEMORY else ""
@@ -167,7 +167,7 @@ def check_memory() -> Check:
 
 def check_graphs() -> Check:
     """Size of the networks that OpenVINO's runtime keeps."""
-    from gsedit.models.runtime import MOST_BYTES, cached_bytes
+    from gsedit.paper.models.runtime import MOST_BYTES, cached_bytes
 
     version = installed_version("openvino")
     if version is None:

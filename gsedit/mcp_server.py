@@ -15,7 +15,7 @@ import anyio
 
 from gsedit.app.places import Places
 from gsedit.errors import GseditError, UsageError
-from gsedit.runs.environment import load_extra
+from gsedit.run.environment import load_extra
 from gsedit.words.actions import FILE
 
 Tool = Callable[..., Awaitable[Any]]

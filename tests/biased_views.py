@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 import torch
 from sampler_runs import generator, last
 
-from gsedit.consistency.consensus import consensus
-from gsedit.diffusion.guidance import Branches
-from gsedit.diffusion.predictions import Prediction, noise_of
-from gsedit.diffusion.sampler import levels_of, sample
-from gsedit.diffusion.schedules import NoiseLevel, Schedule
-from gsedit.diffusion.settings import SamplerSettings
+from gsedit.paper.consistency.consensus import consensus
+from gsedit.paper.diffusion.guidance import Branches
+from gsedit.paper.diffusion.predictions import Prediction, noise_of
+from gsedit.paper.diffusion.sampler import levels_of, sample
+from gsedit.paper.diffusion.schedules import NoiseLevel, Schedule
+from gsedit.paper.diffusion.settings import SamplerSettings
 
 WIDTHS = torch.tensor([0.003, 0.03, 0.3, 1.0, 3.0], dtype=torch.float64)
 """Widths of the data, one a channel: from detail that is decided last to colors decided first."""

@@ -8,15 +8,15 @@ import torch
 from jaxtyping import Bool
 from torch import Tensor
 
-from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.editing.edit import change_steps
 from gsedit.editing.measure import Changed
 from gsedit.editing.painters import PAINTERS, Looking
 from gsedit.editing.plan import key_of, steps_of
-from gsedit.objects.outcome import Outcome
-from gsedit.runs.events import returned
+from gsedit.run.events import returned
+from gsedit.scene.outcome import Outcome
 from gsedit.select.finder import Finder
 from gsedit.select.region import Region
+from gsedit.views.viewpoints import Viewpoint
 from gsedit.words.instruction import Change
 from gsedit.words.read import read_instruction
 from rasterizer.camera import Camera

@@ -53,7 +53,9 @@ def one_line(text: str) -> bool:
 def ended_early(work: str, end: BaseException, checkpoints: int = 1) -> Iterator[None]:
     """End every "fit" or "edit" inside by an exception, after so many checkpoints."""
     # not by dotted name: gsedit.fit is also the function of that name
-    module = import_module({"fit": "gsedit.fitting.fit", "edit": "gsedit.editing.edit"}[work])
+    module = import_module(
+        {"fit": "gsedit.capture.fitting.fit", "edit": "gsedit.editing.edit"}[work]
+    )
     whole = getattr(module, f"{work}_steps")
 
     def steps(*words: Any, **options: Any) -> Iterator[Any]:

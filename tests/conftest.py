@@ -23,9 +23,9 @@ def pytest_runtest_call():
 @pytest.fixture
 def quick_search(monkeypatch):
     """Views of scenes without cameras have 64 pixels at most, and few places are tried."""
-    from gsedit.cameras import around
-    from gsedit.cameras.around import find_views
-    from gsedit.cameras.search import SearchEffort
+    from gsedit.views import around
+    from gsedit.views.around import find_views
+    from gsedit.views.search import SearchEffort
 
     few = SearchEffort(places=12, kept=4, rendered=8, varied=4)
 

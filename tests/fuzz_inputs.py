@@ -34,21 +34,21 @@ from PIL import Image
 
 from gsedit import load_dataset
 from gsedit.app import document
-from gsedit.datasets.cameras_json import read_cameras, write_cameras
-from gsedit.datasets.export_frame import applied_by
-from gsedit.datasets.view_list_files import by_capture, read_view_list, write_view_list
-from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.editing.folder import history_of
 from gsedit.formats.flags import read_flags, write_flags
 from gsedit.formats.ply.records import read_ply_header
 from gsedit.formats.registry import write_scene
 from gsedit.formats.streams import SceneHeader, WriteOptions, in_blocks
 from gsedit.measures.against import resolve_reference
-from gsedit.runs.state import State, load_state, save_state
+from gsedit.run.state import State, load_state, save_state
 from gsedit.scene.similarity import Similarity
 from gsedit.scene.table import SplatTable
 from gsedit.select.saved import read_named, save_named
 from gsedit.toolkit.similarity_files import read_similarity, write_similarity
+from gsedit.views.cameras_json import read_cameras, write_cameras
+from gsedit.views.export_frame import applied_by
+from gsedit.views.view_list_files import by_capture, read_view_list, write_view_list
+from gsedit.views.viewpoints import Viewpoint
 
 BYTES_MOST = 256 << 20
 """Python's memory for one of these inputs: they are a few kB."""

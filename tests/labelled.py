@@ -13,9 +13,9 @@ import torch
 from jaxtyping import Bool
 from torch import Tensor
 
-from gsedit.synthetic.paint import lit, mix, parts, plain, waves
-from gsedit.synthetic.scene import SyntheticScene
-from gsedit.synthetic.shapes import (
+from gsedit.bench.synthetic.paint import lit, mix, parts, plain, waves
+from gsedit.bench.synthetic.scene import SyntheticScene
+from gsedit.bench.synthetic.shapes import (
     Sdf,
     Triple,
     box,
@@ -26,7 +26,7 @@ from gsedit.synthetic.shapes import (
     translate,
     union,
 )
-from gsedit.synthetic.splats import surface_gaussians
+from gsedit.bench.synthetic.splats import surface_gaussians
 from rasterizer.scene import Gaussians
 
 LIGHT = (-0.5, -0.7, 0.9)

@@ -10,12 +10,12 @@ from itertools import pairwise
 import torch
 from closeness import EPS32, NETWORK, assert_near
 
-from gsedit.consistency.consensus import consensus
-from gsedit.diffusion.guidance import Need
-from gsedit.diffusion.sampler import SamplerStep, sample
-from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editor_protocol import for_settings, levels_for
-from gsedit.models.model import Model
+from gsedit.paper.consistency.consensus import consensus
+from gsedit.paper.diffusion.guidance import Need
+from gsedit.paper.diffusion.sampler import SamplerStep, sample
+from gsedit.paper.diffusion.settings import SamplerSettings
+from gsedit.paper.models.model import Model
+from gsedit.paper.protocol import for_settings, levels_for
 
 PROMPT = "make it snow"
 

@@ -11,8 +11,8 @@ from model_laws import run
 from PIL import Image
 from torch import Tensor
 
-from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editor_protocol import levels_for
+from gsedit.paper.diffusion.settings import SamplerSettings
+from gsedit.paper.protocol import levels_for
 
 
 def pictures(views: int, height: int = 16, width: int = 24) -> Tensor:

@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from bad_files import dataset
 
-from gsedit.datasets.undistort import Lens
+from gsedit.views.undistort import Lens
 from rasterizer import look_at
 
 

@@ -8,11 +8,11 @@ from functools import lru_cache
 import torch
 from torch import Tensor
 
-from gsedit.cameras.orbit import circle
-from gsedit.synthetic.paint import checker, mix, parts, plain
-from gsedit.synthetic.scene import SyntheticScene
-from gsedit.synthetic.shapes import box, cylinder, sphere, translate, union
-from gsedit.synthetic.splats import surface_gaussians
+from gsedit.bench.synthetic.paint import checker, mix, parts, plain
+from gsedit.bench.synthetic.scene import SyntheticScene
+from gsedit.bench.synthetic.shapes import box, cylinder, sphere, translate, union
+from gsedit.bench.synthetic.splats import surface_gaussians
+from gsedit.views.orbit import circle
 from rasterizer.camera import Camera
 from rasterizer.scene import Gaussians
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gsedit.datasets.load import load_dataset
+from gsedit.views.load import load_dataset
 
 
 @dataclass(frozen=True)

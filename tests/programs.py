@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 import torch
 
-from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editors import EditBatch
-from gsedit.editors.command.editor import Command
+from gsedit.paper.diffusion.settings import SamplerSettings
+from gsedit.paper.editors import EditBatch
+from gsedit.paper.editors.command.editor import Command
 
 APART = SamplerSettings(consensus=False)
 INVERT = """

@@ -9,15 +9,15 @@ from functools import lru_cache
 import torch
 
 from gsedit import Dataset, EditSettings, FitSettings, edit_steps, fit_steps
-from gsedit.cameras.orbit import circle
-from gsedit.datasets.dataset import capture
-from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editors import Capabilities, EditProgress, make_editor
+from gsedit.bench.synthetic import demo_scene, surface_gaussians
+from gsedit.capture.fitting.settings import UpdateSettings
 from gsedit.errors import GseditError
-from gsedit.fitting.settings import UpdateSettings
+from gsedit.paper.diffusion.settings import SamplerSettings
+from gsedit.paper.editors import Capabilities, EditProgress, make_editor
 from gsedit.paper.strategies.single_pass import SinglePass
-from gsedit.runs.ranks import Ranks, join
-from gsedit.synthetic import demo_scene, surface_gaussians
+from gsedit.run.ranks import Ranks, join
+from gsedit.views.dataset import capture
+from gsedit.views.orbit import circle
 
 SIZE = 32
 

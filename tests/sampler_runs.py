@@ -5,10 +5,10 @@ from __future__ import annotations
 import torch
 from research.sampler.mixtures import MixtureProblem, noised_draw
 
-from gsedit.diffusion.predictions import Pair
-from gsedit.diffusion.sampler import levels_of, sample
-from gsedit.diffusion.schedules import Schedule
-from gsedit.diffusion.settings import SamplerSettings
+from gsedit.paper.diffusion.predictions import Pair
+from gsedit.paper.diffusion.sampler import levels_of, sample
+from gsedit.paper.diffusion.schedules import Schedule
+from gsedit.paper.diffusion.settings import SamplerSettings
 
 
 def rectified_flow(steps: int = 1000, shift: float = 1.0) -> Schedule:

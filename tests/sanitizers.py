@@ -228,8 +228,8 @@ def _updates(runs: int, generator, counts: Counter[str]) -> None:
     """Take Adam steps and compare pictures, of ordinary, small, empty and extreme numbers."""
     import torch
 
-    from gsedit.fitting.lazy_adam import Moving, settle, step
-    from gsedit.fitting.photometric import photometric
+    from gsedit.capture.fitting.lazy_adam import Moving, settle, step
+    from gsedit.capture.fitting.photometric import photometric
 
     assert _is_compiled()
     for i in range(max(20, runs // 3)):
@@ -260,7 +260,7 @@ def _updates(runs: int, generator, counts: Counter[str]) -> None:
 
 
 def _is_compiled() -> bool:
-    from gsedit.fitting import lazy_adam, photometric
+    from gsedit.capture.fitting import lazy_adam, photometric
 
     return lazy_adam.load() is not None and photometric.load() is not None
 
@@ -269,7 +269,7 @@ def _wrong_shape() -> None:
     """Call a kernel with moments of fewer rows than the values have."""
     import torch
 
-    from gsedit.fitting import lazy_adam
+    from gsedit.capture.fitting import lazy_adam
 
     assert _is_compiled()
     wrong = lazy_adam.Moving(torch.zeros(100, 3), torch.zeros(1, 3), torch.zeros(1, 3))

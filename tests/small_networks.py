@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import torch
 
-from gsedit.editors.small.network import Architecture, SmallNetwork
+from gsedit.paper.editors.small.network import Architecture, SmallNetwork
 
 TINY = Architecture(
     image_encoder=(32, 32, 64), denoiser=(16, 32), attention_levels=1, pixel_features=4,

@@ -12,13 +12,13 @@ from tiny_edits import painted, seen
 
 import gsedit
 from gsedit import Checkpoint, Dataset, EditResult, EditSettings, Event
-from gsedit.datasets.dataset import capture
-from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editors import make_editor
+from gsedit.bench.synthetic import ring_cameras, scenes, surface_gaussians
+from gsedit.capture.fitting.settings import UpdateSettings
 from gsedit.errors import UsageError
-from gsedit.fitting.settings import UpdateSettings
+from gsedit.paper.diffusion.settings import SamplerSettings
+from gsedit.paper.editors import make_editor
 from gsedit.paper.strategies.single_pass import SinglePass
-from gsedit.synthetic import ring_cameras, scenes, surface_gaussians
+from gsedit.views.dataset import capture
 from rasterizer import concatenate
 
 PROMPT = "turn the bear into a bronze statue"

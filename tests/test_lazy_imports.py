@@ -21,9 +21,9 @@ def python(code: str) -> subprocess.CompletedProcess[str]:
         "gsedit",
         "gsedit.errors",
         "gsedit.formats",
-        "gsedit.diffusion.settings",
+        "gsedit.paper.diffusion.settings",
         "gsedit.paper.settings",
-        "gsedit.fitting.settings",
+        "gsedit.capture.fitting.settings",
         "gsedit.formats.table",
         "rasterizer.numerics",
         "gsedit_cli.main",
@@ -56,7 +56,7 @@ def test_gsedit_edit_is_the_function_in_any_order_of_imports():
     done = in_turn(
         [
             "",
-            "import gsedit.editing.edit, gsedit.fitting.fit",
+            "import gsedit.editing.edit, gsedit.capture.fitting.fit",
             "from gsedit.editing.edit import EditSettings",
             "from importlib import import_module; import_module('gsedit.editing.edit')",
             "from gsedit import edit; import gsedit.editing.edit",
@@ -91,7 +91,7 @@ def test_rasterizer_render_is_the_function_in_any_order_of_imports():
     "package",
     [
         "gsedit",
-        "gsedit.editors",
+        "gsedit.paper.editors",
         "gsedit.toolkit",
         "gsedit.select",
         "rasterizer",

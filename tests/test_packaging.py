@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from gsedit.errors import GseditError
-from gsedit.runs.environment import EXTRAS, load_extra
+from gsedit.run.environment import EXTRAS, load_extra
 
 ROOT = Path(__file__).parents[1]
 

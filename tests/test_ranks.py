@@ -11,10 +11,10 @@ import pytest
 import rank_worker
 import torch
 
-from gsedit.datasets.cameras_json import write_beside
 from gsedit.formats.scenes import save
-from gsedit.runs.ranks import ALONE, variables_of
-from gsedit.runs.state import load_state
+from gsedit.run.ranks import ALONE, variables_of
+from gsedit.run.state import load_state
+from gsedit.views.cameras_json import write_beside
 
 TESTS = Path(__file__).parent
 ENVIRONMENT = {**os.environ, "OMP_NUM_THREADS": "1"}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 
-from gsedit.runs.environment import EXTRAS
+from gsedit.run.environment import EXTRAS
 
 OF_NETWORKS = ("diffusers", "transformers", "accelerate", "openvino", "stlpips_pytorch")
 BARE = """
@@ -26,7 +26,7 @@ for room in ("app", "capture", "editing", "fitting"):
 import torch
 import gsedit
 from gsedit.pictures.viewer.libraries import import_viser
-from gsedit.synthetic import demo_scene, surface_gaussians
+from gsedit.bench.synthetic import demo_scene, surface_gaussians
 from gsedit_cli.main import main
 
 import_viser()

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import torch
 
 from gsedit import Dataset
-from gsedit.cameras.orbit import circle
-from gsedit.datasets.dataset import capture
-from gsedit.editors import Capabilities, EditProgress
+from gsedit.paper.editors import Capabilities, EditProgress
+from gsedit.views.dataset import capture
+from gsedit.views.orbit import circle
 from rasterizer import Gaussians, concatenate, look_at
 from rasterizer.numerics import SH_DC
 

@@ -10,13 +10,13 @@ import torch
 
 import gsedit
 from gsedit import Checkpoint, Dataset, EditResult, Event, edit_steps
-from gsedit.datasets.dataset import capture
-from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editor_protocol import Editor
-from gsedit.editors import Capabilities, EditBatch, EditProgress, make_editor
-from gsedit.fitting.settings import UpdateSettings
+from gsedit.bench.synthetic import demo_scene, ring_cameras, surface_gaussians
+from gsedit.capture.fitting.settings import UpdateSettings
 from gsedit.paper.actions import Strategy
-from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
+from gsedit.paper.diffusion.settings import SamplerSettings
+from gsedit.paper.editors import Capabilities, EditBatch, EditProgress, make_editor
+from gsedit.paper.protocol import Editor
+from gsedit.views.dataset import capture
 from rasterizer import Gaussians
 
 SETTINGS = gsedit.EditSettings(

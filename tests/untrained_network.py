@@ -12,9 +12,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.diffusion.guidance import Branches, Need
-from gsedit.diffusion.predictions import Prediction
-from gsedit.diffusion.schedules import Schedule
+from gsedit.paper.diffusion.guidance import Branches, Need
+from gsedit.paper.diffusion.predictions import Prediction
+from gsedit.paper.diffusion.schedules import Schedule
 
 
 @dataclass(frozen=True, eq=False)

@@ -36,8 +36,8 @@ def child() -> None:
     """Compare the kernels that this process gets with torch. Raises AssertionError."""
     import torch
 
-    from gsedit.fitting import lazy_adam
-    from gsedit.fitting.photometric import photometric
+    from gsedit.capture.fitting import lazy_adam
+    from gsedit.capture.fitting.photometric import photometric
     from rasterizer import Camera, Execution, Gaussians, compiled, render
     from rasterizer.blending import cpp_backend
 

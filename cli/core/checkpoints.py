@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gsedit.errors import GseditError, UsageError
-from gsedit.storage.atomic import locked
+from gsedit.run.atomic import locked
 
 from .command import option
 from .console import print_message
@@ -18,8 +18,8 @@ from .ranks import broadcast_state
 
 if TYPE_CHECKING:
     from gsedit.formats.streams import SceneSource
-    from gsedit.runs.events import Checkpoint
-    from gsedit.runs.state import State
+    from gsedit.run.events import Checkpoint
+    from gsedit.run.state import State
 
 NAME = "checkpoint.safetensors"
 """Name of the checkpoint in the folder of an edit."""
@@ -59,8 +59,8 @@ class Checkpoints:
         """Write the checkpoint over the one kept before. Where that fails, the work goes on."""
         import torch
 
-        from gsedit.runs.json_lines import plain
-        from gsedit.runs.state import save_state
+        from gsedit.run.json_lines import plain
+        from gsedit.run.state import save_state
 
         state = checkpoint.state.along_with(
             command=plain(self.request), source=plain(self.source), threads=torch.get_num_threads()
@@ -121,8 +121,8 @@ def load_resume_state(
 def _load(
     path: Path, request: Mapping[str, Any], work: str, *, resume: bool, force: bool
 ) -> State | None:
-    from gsedit.runs.json_lines import plain
-    from gsedit.runs.state import check_same, load_state
+    from gsedit.run.json_lines import plain
+    from gsedit.run.state import check_same, load_state
 
     if not resume:
         if path.exists() and not force:
@@ -153,10 +153,10 @@ def say_threads(state: State | None) -> None:
 
 def open_checkpoint(path: Path) -> SceneSource:
     """Open the scene of a checkpoint. Raises InputError for a file that is none."""
-    from gsedit.fitting.optimizer import optimized_scene
+    from gsedit.capture.fitting.optimizer import optimized_scene
     from gsedit.formats.scenes import read_scene
     from gsedit.formats.streams import SceneHeader, SceneSource, in_blocks
-    from gsedit.runs.state import load_state, restoring
+    from gsedit.run.state import load_state, restoring
     from gsedit.scene.table import table_of
 
     state = load_state(path)

@@ -45,6 +45,6 @@ def print_json(kind: str, record: Any) -> None:
     """Print a record (a mapping or a dataclass) as one JSON line, with its kind under `type`."""
     if not is_first():
         return
-    from gsedit.runs.json_lines import plain
+    from gsedit.run.json_lines import plain
 
     typer.echo(json.dumps({"type": kind, **plain(record)}, allow_nan=False))

@@ -52,7 +52,7 @@ def say_kernel(execution: Execution, parts: tuple[Part, ...] = RENDERS) -> None:
 
 def sources(parts: tuple[Part, ...]) -> dict[Part, Path]:
     """Return the C++ file of each part."""
-    from gsedit.fitting import lazy_adam, photometric
+    from gsedit.capture.fitting import lazy_adam, photometric
     from rasterizer.blending import cpp_backend
     from rasterizer.cpp_projection import kernel as front
 

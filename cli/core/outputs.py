@@ -7,7 +7,7 @@ from collections.abc import Collection
 from pathlib import Path
 
 from gsedit.errors import UsageError
-from gsedit.storage.atomic import check_writable, is_temporary
+from gsedit.run.atomic import check_writable, is_temporary
 
 from .ranks import is_first
 

@@ -103,7 +103,7 @@ def companions(path: Path, output: Output, operations: list[Any]) -> Callable[[]
         check_file(each.save, output.force or output.dry_run, ".json")
     viewpoints, target = (), None
     if any(getattr(each, "cameras", False) for each in operations):
-        from gsedit.datasets.cameras_json import cameras_file, own_file, read_cameras
+        from gsedit.views.cameras_json import cameras_file, own_file, read_cameras
 
         file = cameras_file(path)
         if file is None:
@@ -119,8 +119,8 @@ def companions(path: Path, output: Output, operations: list[Any]) -> Callable[[]
             write_similarity(each.moved, each.save, overwrite=output.force)
             print_message(f"the similarity: {each.save}")
         if target is not None:
-            from gsedit.datasets.cameras_json import write_cameras
             from gsedit.scene.similarity import IDENTITY, moved_camera
+            from gsedit.views.cameras_json import write_cameras
 
             whole = IDENTITY
             for each in operations:

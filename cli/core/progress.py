@@ -9,14 +9,14 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from gsedit.measures.decibels import psnr_from_rmse
-from gsedit.runs.stopwatch import Stopwatch
+from gsedit.run.stopwatch import Stopwatch
 
 from .console import as_json, print_json, print_message, shown
 
 if TYPE_CHECKING:
     from rich.progress import ProgressColumn
 
-    from gsedit.runs.events import Event
+    from gsedit.run.events import Event
 
 Show = Callable[["Event"], None]
 
@@ -41,7 +41,7 @@ def progress() -> Iterator[Show]:
 @contextmanager
 def counting(stage: str) -> Iterator[Callable[[int, int], None]]:
     """Yield a function that shows how many steps of a stage are done, and their number."""
-    from gsedit.runs.events import Event
+    from gsedit.run.events import Event
 
     watch = Stopwatch()
     with progress() as show:
@@ -62,7 +62,7 @@ def result_of(items: Iterable[Any], handlers: Mapping[type, Callable[[Any], None
 
 
 def _print_as_json(event: Event) -> None:
-    from gsedit.runs.events import as_record
+    from gsedit.run.events import as_record
 
     print_json("event", as_record(event))
 

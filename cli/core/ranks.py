@@ -11,13 +11,13 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from gsedit.errors import GseditError, UsageError
-from gsedit.runs.ranks import LostRankError, join, launched
+from gsedit.run.ranks import LostRankError, join, launched
 
 from .exits import Interrupted, explain
 
 if TYPE_CHECKING:
-    from gsedit.runs.ranks import Ranks
-    from gsedit.runs.state import State
+    from gsedit.run.ranks import Ranks
+    from gsedit.run.state import State
 
 VERBS = ("edit", "fit")
 """Those that share out their work."""
@@ -56,7 +56,7 @@ def broadcast_state(read: Callable[[], State | None]) -> State | None:
     state = read() if is_first() else None
     if launched() == 1:
         return state
-    from gsedit.runs.state import State
+    from gsedit.run.state import State
 
     sent = ranks().first(state and (dict(state.record), dict(state.tensors), state.source))
     return sent and State(*sent)

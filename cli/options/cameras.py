@@ -17,9 +17,9 @@ from .common import Data, numbers
 if TYPE_CHECKING:
     from torch import Tensor
 
-    from gsedit.cameras.search import ViewConstraints
-    from gsedit.datasets.dataset import Dataset
-    from gsedit.datasets.viewpoints import Viewpoint
+    from gsedit.views.dataset import Dataset
+    from gsedit.views.search import ViewConstraints
+    from gsedit.views.viewpoints import Viewpoint
     from rasterizer.camera import Camera
     from rasterizer.scene import Gaussians
 
@@ -51,8 +51,8 @@ class Placing(Data):
 
     def wish(self) -> ViewConstraints:
         """Return the constraints on views. Raises UsageError for what is no axis or no point."""
-        from gsedit.cameras.search import ViewConstraints
         from gsedit.scene.framing import up_vector
+        from gsedit.views.search import ViewConstraints
 
         up = None if self.up is None else up_vector(self.up)
         return ViewConstraints(up, point(self.look_at, "--look-at"), point(self.eye, "--from"))
@@ -95,8 +95,8 @@ def point(text: str | None, option: str) -> Tensor | None:
 
 def load_photos(data: Path, size: int, scene: Path | None) -> Dataset:
     """Load the photos of --data, in the frame of the scene file if nerfstudio exported it."""
-    from gsedit.datasets.export_frame import in_export_frame
-    from gsedit.datasets.load import load_dataset
+    from gsedit.views.export_frame import in_export_frame
+    from gsedit.views.load import load_dataset
 
     photos = load_dataset(data, size=size)
     for note in photos.notes:
@@ -115,8 +115,8 @@ def say_if_smaller(photos: Dataset, size: int) -> None:
 
 def recorded_viewpoints(path: Path | None, scene: Gaussians, size: int) -> tuple[Viewpoint, ...]:
     """Return all cameras recorded beside a scene file; none if none of them sees the scene."""
-    from gsedit.datasets.cameras_json import cameras_file, read_cameras
-    from gsedit.datasets.viewpoints import same_size, that_see, thinned, viewpoints_near
+    from gsedit.views.cameras_json import cameras_file, read_cameras
+    from gsedit.views.viewpoints import same_size, that_see, thinned, viewpoints_near
 
     file = None if path is None else cameras_file(path)
     if file is None:
@@ -148,8 +148,8 @@ def resolve_cameras(
     execution: Execution = AUTO,
 ) -> ResolvedCameras:
     """Return the cameras of --data, or those recorded beside the scene, or else `count` found."""
-    from gsedit.cameras.around import find_viewpoints
-    from gsedit.datasets.viewpoints import thinned
+    from gsedit.views.around import find_viewpoints
+    from gsedit.views.viewpoints import thinned
 
     known = known_cameras(path, scene, options)
     if known is not None:
@@ -164,7 +164,7 @@ def known_cameras(
     path: Path | None, scene: Gaussians, options: ViewOptions
 ) -> ResolvedCameras | None:
     """Return the cameras of --data, or those recorded beside the scene; None without any."""
-    from gsedit.datasets.viewpoints import viewpoints_of
+    from gsedit.views.viewpoints import viewpoints_of
 
     if options.data is not None:
         photos = load_photos(options.data, options.pixels, path)
@@ -176,7 +176,7 @@ def known_cameras(
 
 def say_if_empty(viewpoints: Sequence[Viewpoint], scene: Gaussians, execution: Execution) -> None:
     """Print a line where found views show nothing of the scene."""
-    from gsedit.datasets.viewpoints import that_see
+    from gsedit.views.viewpoints import that_see
 
     empty = len(viewpoints) - len(that_see(viewpoints, scene, execution))
     if empty:
@@ -212,7 +212,7 @@ class ResolvedCameras:
 
     def dataset(self, scene: Gaussians, execution: Execution) -> Dataset:
         """The views with pictures: the photos, or renders; of many recorded cameras, of some."""
-        from gsedit.datasets.viewpoints import rendered, that_see, thinned
+        from gsedit.views.viewpoints import rendered, that_see, thinned
 
         if self.photos is not None:
             return self.photos

@@ -19,9 +19,9 @@ from .cameras import ViewOptions, resolve_cameras
 from .selection import MaskOptions
 
 if TYPE_CHECKING:
-    from gsedit.diffusion.settings import Precision
-    from gsedit.editors import Editor
     from gsedit.paper.actions import Strategy
+    from gsedit.paper.diffusion.settings import Precision
+    from gsedit.paper.editors import Editor
     from gsedit.paper.request import Views
     from gsedit.paper.settings import EditSettings
     from gsedit.select.finder import Names
@@ -66,7 +66,7 @@ class EditorOptions:
 
     def settled(self) -> EditorOptions:
         """Return the options with the default editor where gsedit may choose one."""
-        from gsedit.editors.registry import DEFAULT
+        from gsedit.paper.editors.registry import DEFAULT
 
         return replace(self, editor=DEFAULT) if self.editor == AUTO else self
 
@@ -76,7 +76,7 @@ class EditorOptions:
         Raises UsageError for an option that it does not have, or an instruction that it cannot
         follow (None: it need not follow any).
         """
-        from gsedit.editors import make_editor
+        from gsedit.paper.editors import make_editor
 
         editor = make_editor(
             self.settled().editor,
@@ -246,8 +246,8 @@ def views_of(
 
     Of many recorded cameras a 2D editor is shown views from some.
     """
-    from gsedit.datasets.lazy_views import of_one_size
-    from gsedit.datasets.viewpoints import same_size, that_see, thinned
+    from gsedit.views.lazy_views import of_one_size
+    from gsedit.views.viewpoints import same_size, that_see, thinned
 
     resolved = resolve_cameras(path, scene, options, execution=execution)
     if drawn and resolved.photos is not None:
@@ -268,12 +268,12 @@ def views_of(
 @contextmanager
 def numbered(file: Path, scene: Gaussians, views: Views) -> Iterator[None]:
     """Draw the numbers of a scene's objects into a file where a sentence may mean several."""
-    from gsedit.datasets.dataset import Dataset
-    from gsedit.datasets.viewpoints import viewpoints_of
     from gsedit.editing.rivals import SeveralObjects
     from gsedit.formats.pictures import save_picture
     from gsedit.pictures.segment_sheet import segment_sheet
     from gsedit.select.phrase import names
+    from gsedit.views.dataset import Dataset
+    from gsedit.views.viewpoints import viewpoints_of
 
     try:
         yield

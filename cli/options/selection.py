@@ -195,7 +195,7 @@ def view_functions(data: Path | None) -> dict[str, Callable[..., Selection]]:
 
 def recorded_cameras(asker: str, data: Path | None) -> Path:
     """Return `data`, or the cameras.json beside the scene. Raises UsageError without either."""
-    from gsedit.datasets.cameras_json import cameras_file
+    from gsedit.views.cameras_json import cameras_file
 
     scene = current_scene.get()
     cameras = data or (cameras_file(scene) if scene else None)
@@ -245,7 +245,7 @@ class MaskOptions:
             return None
         if phrase is None:
             raise UsageError('--masks looks for a phrase: add --phrase "the chair"')
-        from gsedit.editors import make_masks
+        from gsedit.paper.editors import make_masks
 
         provider = make_masks(self.masks, **given)
         provider.check(phrase)

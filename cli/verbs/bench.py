@@ -17,7 +17,7 @@ from ..core.progress import progress
 from ..options.common import Writes
 
 if TYPE_CHECKING:
-    from gsedit.runs.events import Event
+    from gsedit.run.events import Event
 
 bench = typer.Typer(no_args_is_help=True, add_completion=False, rich_markup_mode=None)
 
@@ -90,7 +90,7 @@ def collect(items: Iterator[Event | Row], path: Path | None = None) -> list[Row]
 
     `path`: where an interruption leaves the rows.
     """
-    from gsedit.runs.events import Event
+    from gsedit.run.events import Event
 
     rows: list[Row] = []
     try:

@@ -84,7 +84,7 @@ def run_capture(
 ) -> CaptureResult:
     """Capture with progress on the terminal. Raises Interrupted with what is left of the work."""
     from gsedit.capture import capture as work
-    from gsedit.runs.events import Event
+    from gsedit.run.events import Event
 
     work.check_places(photos, out)
     work.check_frames(photos, settings)

@@ -51,7 +51,7 @@ def check_machine() -> None:
 
 def check_weights(model: str) -> None:
     """Print what of a model's weights is there. Exits with UNREADABLE unless all of it is."""
-    from gsedit.models.hub import INDEX, family_of, find, inspect, settings_in
+    from gsedit.paper.models.hub import INDEX, family_of, find, inspect, settings_in
 
     folder = find(model, offline=True)
     parts = inspect(folder)

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from gsedit.editing.result import EditResult
     from gsedit.paper.request import Views
     from gsedit.paper.settings import EditSettings
-    from gsedit.runs.events import Event
+    from gsedit.run.events import Event
     from gsedit.words.instruction import Instruction as Words
     from rasterizer.scene import Gaussians
 
@@ -172,12 +172,12 @@ def check_request(instruction: str, views: ViewOptions, own: EditOptions, out: P
 
 def run_preview(asked: EditCommand) -> None:
     """Write one view before and after, as a picture: nothing else is written."""
-    from gsedit.datasets.viewpoints import same_size
     from gsedit.editing.plan import is_exact
     from gsedit.editing.preview import preview_edited, preview_exact
     from gsedit.formats.pictures import save_picture
     from gsedit.paper.settings import EditSettings
-    from gsedit.storage.atomic import check_writable
+    from gsedit.run.atomic import check_writable
+    from gsedit.views.viewpoints import same_size
 
     path, common = asked.folder, asked.common
     check_writable(path, overwrite=asked.own.force)
@@ -241,7 +241,7 @@ def run_edit(asked: EditCommand) -> EditResult | None:
 
     from gsedit.editing.edit import edit_steps, plan_edit
     from gsedit.editing.folder import write_edit
-    from gsedit.runs.events import events_of
+    from gsedit.run.events import events_of
 
     request = {"settings": settings, "names": names, **how, "generator": asked.common.generator()}
     if own.explain:
@@ -316,8 +316,8 @@ def request_of(asked: EditCommand, *, exact: bool) -> dict[str, Any]:
 def carry_beside(path: Path, scene: Gaussians, result: EditResult, folder: Path) -> None:
     """Write what lies beside the scene that was edited for the one in the folder: its saved
     selections, and the file that names its frame, which is the same."""
-    from gsedit.datasets import export_frame as frames
     from gsedit.select.saved import carry_named
+    from gsedit.views import export_frame as frames
 
     before, after = (each.means.detach().numpy() for each in (scene, result.scene))
     origin = None if result.origin is None else result.origin.numpy()
@@ -331,10 +331,10 @@ def carry_beside(path: Path, scene: Gaussians, result: EditResult, folder: Path)
 
 def write_views(views: Views, result: EditResult, folder: Path) -> None:
     """Write the cameras that other commands read, and the views that gsedit metrics measures."""
-    from gsedit.datasets.cameras_json import write_cameras
-    from gsedit.datasets.dataset import Dataset
-    from gsedit.datasets.view_list_files import by_edit, write_view_list
-    from gsedit.datasets.viewpoints import viewpoints_of
+    from gsedit.views.cameras_json import write_cameras
+    from gsedit.views.dataset import Dataset
+    from gsedit.views.view_list_files import by_edit, write_view_list
+    from gsedit.views.viewpoints import viewpoints_of
 
     viewpoints = viewpoints_of(views) if isinstance(views, Dataset) else views
     write_cameras(viewpoints, folder / "cameras.json", overwrite=True)
@@ -352,8 +352,8 @@ def run_and_show(
     """
     from gsedit.measures.against import UNFINISHED
     from gsedit.pictures.figures import table
-    from gsedit.runs.events import Checkpoint, Event, as_record
-    from gsedit.runs.json_lines import Journal
+    from gsedit.run.events import Checkpoint, Event, as_record
+    from gsedit.run.json_lines import Journal
 
     journal = Journal(out / UNFINISHED, as_record)
     for event in earlier:

@@ -8,8 +8,8 @@ from math import ceil
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from gsedit.fitting.budget import LEAST_STEPS
-from gsedit.fitting.settings import QUALITIES, FitSettings
+from gsedit.capture.fitting.budget import LEAST_STEPS
+from gsedit.capture.fitting.settings import QUALITIES, FitSettings
 
 from ..core.checkpoints import Checkpoints, Resumes, load_resume_state, say_threads
 from ..core.command import (
@@ -32,9 +32,9 @@ from ..options.cameras import load_photos
 from ..options.common import FileOptions, Reads, load_scene
 
 if TYPE_CHECKING:
-    from gsedit.datasets.dataset import Dataset as Photos
-    from gsedit.fitting.fit import FitResult
+    from gsedit.capture.fitting.fit import FitResult
     from gsedit.scene.similarity import Similarity
+    from gsedit.views.dataset import Dataset as Photos
 
 CHECKPOINT = ".checkpoint.safetensors"
 """Suffix of the checkpoint of a fit, in place of the scene's."""
@@ -125,9 +125,9 @@ def run_fit(
     state = load_resume_state(checkpoints.path, {}, "fit", resume=own.resume, force=own.force)
     say_threads(state)
 
-    from gsedit.fitting.fit import fit_steps
+    from gsedit.capture.fitting.fit import fit_steps
     from gsedit.formats.scenes import save
-    from gsedit.runs.events import Checkpoint, Event
+    from gsedit.run.events import Checkpoint, Event
 
     first = None if own.start is None else load_scene(own.start, drop_invalid=own.drop_invalid)
     photos = load_photos(dataset, size, own.start)
@@ -150,8 +150,8 @@ def run_fit(
 def check_places(photos: Photos, dataset: Path, own: FitOptions) -> Similarity | None:
     """Return what `write_places` is to write beside the cameras. Raises UsageError where it could
     not write that or the cameras."""
-    from gsedit.datasets.cameras_json import place_beside
-    from gsedit.datasets.export_frame import frame_beside, frame_place
+    from gsedit.views.cameras_json import place_beside
+    from gsedit.views.export_frame import frame_beside, frame_place
 
     if not is_first():
         return None
@@ -174,8 +174,8 @@ def say_too_short(result: FitResult, settings: FitSettings) -> None:
 
 def write_places(photos: Photos, frame: Similarity | None, out: Path, force: bool) -> None:
     """Write the cameras beside the scene, and how its frame came from that of the photos."""
-    from gsedit.datasets.cameras_json import write_beside
-    from gsedit.datasets.export_frame import write_export_frame
+    from gsedit.views.cameras_json import write_beside
+    from gsedit.views.export_frame import write_export_frame
 
     cameras = write_beside(out, photos.views, overwrite=force)
     print_message(f"the cameras are in {cameras}: edit, render and view use them")

@@ -14,7 +14,7 @@ from ..core.command import argument, settings_of
 from ..core.console import as_json, print_message, print_result
 
 if TYPE_CHECKING:
-    from gsedit.editors import Listing
+    from gsedit.paper.editors import Listing
     from gsedit.paper.settings import Preset
 
 
@@ -64,7 +64,7 @@ def list_(ctx: typer.Context, what: What, name: Name = None) -> None:
 
 def list_editors() -> None:
     """Print every 2D editor, of gsedit and of other packages."""
-    from gsedit.editors import list_editors
+    from gsedit.paper.editors import list_editors
 
     for listing in list_editors():
         record = {**vars(listing), "ready": listing.ready}
@@ -77,7 +77,7 @@ def list_editors() -> None:
 
 def list_masks() -> None:
     """Print every mask provider, of gsedit and of other packages."""
-    from gsedit.editors.registry import MASKS
+    from gsedit.paper.editors.registry import MASKS
 
     for each in MASKS.list():
         record, origin = {**vars(each), "ready": each.ready}, f"from {each.source}"

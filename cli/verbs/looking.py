@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from gsedit.errors import UsageError
-from gsedit.storage.inputs import existing_file
+from gsedit.run.inputs import existing_file
 from rasterizer.numerics import Execution, Numerics
 
 from ..core.command import Settings, Values, argument, option, shows, with_values
@@ -34,10 +34,10 @@ from ..options.selection import SelectionOptions
 from .render import render_settings
 
 if TYPE_CHECKING:
-    from gsedit.datasets.viewpoints import Viewpoint
     from gsedit.formats.streams import SceneSource
-    from gsedit.surveying.sizes import Size, SurfacePoint
+    from gsedit.mesh.sizes import Size, SurfacePoint
     from gsedit.toolkit.differences import SceneDifference
+    from gsedit.views.viewpoints import Viewpoint
     from rasterizer.scene import Gaussians
 
 PICTURED_VIEWS = 4
@@ -227,8 +227,8 @@ def views_of(
 ) -> tuple[Viewpoint, ...]:
     """`count` of the cameras to compare from: those beside the second scene where only that one has
     some."""
-    from gsedit.datasets.cameras_json import cameras_file
-    from gsedit.datasets.dataset import evenly_spaced
+    from gsedit.views.cameras_json import cameras_file
+    from gsedit.views.dataset import evenly_spaced
 
     beside = other if not cameras_file(scene) and cameras_file(other) else scene
     resolved = resolve_cameras(beside, gaussians, options, count, execution)
@@ -238,10 +238,10 @@ def views_of(
 
 def draw(result: SceneDifference, pair: Pair, out: Path, force: bool) -> None:
     """Write the picture: the worst view, and evenly spaced ones of the others."""
-    from gsedit.datasets.dataset import evenly_spaced
     from gsedit.pictures.difference_picture import Pair as Pictures
     from gsedit.pictures.difference_picture import difference_picture
     from gsedit.scene.picture import render_picture
+    from gsedit.views.dataset import evenly_spaced
 
     worst = result.views.index(result.worst)
     others = [index for index in range(len(result.views)) if index != worst]
@@ -315,9 +315,9 @@ def point(text: str, gaussians: Gaussians, views: Sequence[Viewpoint]) -> Surfac
     """Return the point at a place. Raises UsageError."""
     import numpy as np
 
+    from gsedit.mesh.sizes import SurfacePoint, point_at
     from gsedit.select.finder import click_on
     from gsedit.select.where import place_of
-    from gsedit.surveying.sizes import SurfacePoint, point_at
 
     if COORDINATES.fullmatch(text):
         return SurfacePoint(np.array([float(each) for each in text.split(",")]))
@@ -333,8 +333,8 @@ def sizes(
     height: bool,
 ) -> dict[str, Size]:
     """Return what the points measure, by name."""
-    from gsedit.cameras.paths import up_of
-    from gsedit.surveying import sizes as surveying
+    from gsedit.mesh import sizes as surveying
+    from gsedit.views.paths import up_of
 
     if height:
         upward = up_of([each.camera for each in views]).numpy()
@@ -351,9 +351,9 @@ def region_volume(
     scene: Path, gaussians: Gaussians, region: str, views: Sequence[Viewpoint]
 ) -> Size:
     """Return the volume of a selection. Raises UsageError."""
+    from gsedit.mesh.sizes import volume
     from gsedit.select.finder import Finder
     from gsedit.select.saved import saved_file
-    from gsedit.surveying.sizes import volume
 
     found = Finder(gaussians, views, str(saved_file(scene, region) or region)).subject
     return volume(gaussians, [each.camera for each in views], found.inside)
@@ -408,7 +408,7 @@ def mesh(
 
     Views are those of --data, those beside the scene, or found ones. Units are the scene's.
     """
-    from gsedit.meshing.triangles import SUFFIXES
+    from gsedit.mesh.triangles import SUFFIXES
 
     if own.out.suffix.lower() not in SUFFIXES:
         raise UsageError(f"-o {own.out}: name a mesh file: {', '.join(SUFFIXES)}")
@@ -417,8 +417,8 @@ def mesh(
 
     import torch
 
-    from gsedit.meshing import mesh as mesh_of
-    from gsedit.meshing import save_mesh
+    from gsedit.mesh import mesh as mesh_of
+    from gsedit.mesh import save_mesh
     from gsedit.scene.table import table_of
 
     gaussians = load_scene(scene, drop_invalid=own.drop_invalid).detach()

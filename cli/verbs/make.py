@@ -140,7 +140,7 @@ class Work:
 
     def stages(self) -> list[Stage]:
         """The stages in order. Photos that have poses are not captured."""
-        from gsedit.runs.json_lines import plain
+        from gsedit.run.json_lines import plain
 
         asked: dict[str, Any] = {"photos": state_of(self.photos, self.out)}
         asked["seed"] = self.common.seed
@@ -205,7 +205,7 @@ class Work:
 
 def has_poses(photos: Path) -> bool:
     """Whether it is a dataset that a fit reads as it is."""
-    from gsedit.datasets.colmap import model_folder
+    from gsedit.views.colmap import model_folder
 
     if photos.is_dir():
         return (photos / "transforms.json").is_file() or model_folder(photos) is not None
@@ -263,7 +263,7 @@ class Ledger:
 
     def __init__(self, path: Path) -> None:
         """Raises InputError for a damaged file."""
-        from gsedit.storage.json_files import read_json
+        from gsedit.run.json_files import read_json
 
         self.path = path
         self.entries: dict[str, dict[str, Any]] = {}
@@ -306,7 +306,7 @@ class Ledger:
 
     def keep(self, stage: Stage, result: str | None) -> None:
         """Write that the stage was begun (None), or what it came to."""
-        from gsedit.runs.json_lines import write_record
+        from gsedit.run.json_lines import write_record
 
         names = [*self.entries, stage.name]
         for follows in names[names.index(stage.name) + 1 :]:  # from what is no longer there

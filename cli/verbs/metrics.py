@@ -25,11 +25,11 @@ if TYPE_CHECKING:
 
     from torch import Tensor
 
-    from gsedit.datasets.view_list_files import ViewList
     from gsedit.measures.against import Reference
     from gsedit.measures.agreement import Pictures
     from gsedit.measures.evaluation_input import EvaluationInput
     from gsedit.select.region import Region
+    from gsedit.views.view_list_files import ViewList
     from rasterizer.scene import Gaussians
 
 DEFAULT_SIZE = 256
@@ -110,8 +110,8 @@ def metrics(
     ):  # fmt: skip
         check_file(path, outputs.force, suffix)
 
-    from gsedit.datasets.view_list_files import write_view_list
     from gsedit.measures.against import resolve_reference
+    from gsedit.views.view_list_files import write_view_list
 
     found = resolve_reference(reference)
     check_views(found, listed)
@@ -135,7 +135,7 @@ def measure_and_show(
     from gsedit.measures.evaluation import evaluate
     from gsedit.measures.evaluation_table import evaluation_record, evaluation_table
     from gsedit.pictures.difference_sheet import difference_sheet
-    from gsedit.runs.json_lines import write_record
+    from gsedit.run.json_lines import write_record
 
     with counting("measure") as tell:
         evaluation = evaluate(subject, tell)
@@ -273,10 +273,10 @@ def place_views(
     execution: Execution,
 ) -> tuple[ViewList, Pictures, Mapping[int, Tensor]]:
     """The views, the pictures that the scene should show at them, and the masks of these."""
-    from gsedit.datasets.cameras_json import cameras_file
-    from gsedit.datasets.view_list_files import by_capture, read_view_list, with_roles_of
-    from gsedit.datasets.viewpoints import viewpoints_of
     from gsedit.measures.against import find_pictures, resized
+    from gsedit.views.cameras_json import cameras_file
+    from gsedit.views.view_list_files import by_capture, read_view_list, with_roles_of
+    from gsedit.views.viewpoints import viewpoints_of
 
     given = read_view_list(listed.views) if listed.views is not None else against.views
     size = listed.size or DEFAULT_SIZE

@@ -17,7 +17,7 @@ from ..options.common import FileOptions, numbers, scene_file
 from ..options.selection import SelectionOptions, parse_region, parse_where, recorded_cameras
 
 if TYPE_CHECKING:
-    from gsedit.objects.bending.operation import Bend, Grip, Pixel, Triple
+    from gsedit.change.objects.bending.operation import Bend, Grip, Pixel, Triple
     from gsedit.select.rules import Selection
     from gsedit.toolkit.align import Align
     from gsedit.toolkit.transform import Transform
@@ -153,7 +153,7 @@ def bend(*, own: BendOptions, selection: SelectionOptions) -> Bend:
     What is between the handles follows as rigidly as possible; covariances and SH follow too.
     VIEW is a name or number of cameras.json beside the scene, X,Y a pixel of its picture.
     """
-    from gsedit.objects.bending.operation import Bend, Pixel
+    from gsedit.change.objects.bending.operation import Bend, Pixel
 
     if not own.handle:
         raise UsageError("name what to move: --handle VIEW:X,Y:DX,DY,DZ")
@@ -169,7 +169,7 @@ def bend(*, own: BendOptions, selection: SelectionOptions) -> Bend:
 
 def grip_of(option: str, text: str) -> Grip:
     """Read PLACE:DX,DY,DZ of a handle or PLACE of a hold, with :R or without. Raises UsageError."""
-    from gsedit.objects.bending.operation import Grip
+    from gsedit.change.objects.bending.operation import Grip
 
     parts = text.split(":")
     radius = 0.0
@@ -187,7 +187,7 @@ def grip_of(option: str, text: str) -> Grip:
 
 def place_of(option: str, parts: list[str]) -> Pixel | Triple:
     """Read X,Y,Z, or VIEW and X,Y; the name of a view may hold colons. Raises UsageError."""
-    from gsedit.objects.bending.operation import Pixel
+    from gsedit.change.objects.bending.operation import Pixel
 
     *view, last = parts or [""]
     if not view:

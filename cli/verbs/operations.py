@@ -67,8 +67,8 @@ def convert(target: Out = None, *, own: ConvertOptions) -> list[Any]:
     """
     steps: list[Any] = []
     if own.undo_dataparser is not None:
-        from gsedit.datasets.export_frame import NAME, read_dataparser
         from gsedit.toolkit.transform import transform_of
+        from gsedit.views.export_frame import NAME, read_dataparser
 
         steps += [transform_of(read_dataparser(own.undo_dataparser).inverse), Target(target, NAME)]
     else:
@@ -220,7 +220,7 @@ def decimate(amount: Amount, *, own: DecimateOptions) -> Decimate:
 
     views = None
     if own.cameras is not None:
-        from gsedit.datasets.cameras_json import read_cameras
+        from gsedit.views.cameras_json import read_cameras
 
         views = [viewpoint.camera for viewpoint in read_cameras(own.cameras)]
     return Decimate(**kept, method=own.method, measure=own.measure, views=views)

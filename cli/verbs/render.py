@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 Kind = Literal["folder", "still", "animation"]
 PathKind = Literal["turntable", "orbit", "spline"]
-"""Kinds of camera paths, those of gsedit.cameras.paths, which imports torch."""
+"""Kinds of camera paths, those of gsedit.views.paths, which imports torch."""
 FolderFormat = Literal["png", "exr", "npy"]
 """Formats of pictures, those of gsedit.pictures.rendered_views."""
 STILLS, ANIMATIONS = (".png", ".exr", ".npy"), (".mp4", ".gif")
@@ -289,7 +289,7 @@ def parse_indices(text: str) -> list[int]:
 def numbers_of(resolved: ResolvedCameras, views: str | None, wanted: int | None) -> list[int]:
     """The numbers of the views: those that are named, else `wanted` evenly spaced ones (None:
     all)."""
-    from gsedit.datasets.dataset import evenly_spaced
+    from gsedit.views.dataset import evenly_spaced
 
     if views is not None:
         return parse_indices(views)
@@ -317,8 +317,8 @@ def follow(
     options: ViewOptions,
 ) -> dict[str, Camera]:
     """The cameras along a path, by the names of their pictures."""
-    from gsedit.cameras.paths import camera_path, common_point
     from gsedit.scene.framing import bounds
+    from gsedit.views.paths import camera_path, common_point
 
     if kind != "spline" and common_point(cameras) is None:
         print_message(
@@ -338,7 +338,7 @@ def follow(
 
 def sized(camera: Camera, pictures: PictureOptions, out: Path) -> Camera:
     """The camera at the size and zoom that were asked for; with even sides for an MP4."""
-    from gsedit.datasets.viewpoints import framed
+    from gsedit.views.viewpoints import framed
 
     if pictures.size is not None:
         camera = framed(camera, *pictures.size)
@@ -353,7 +353,7 @@ def sized(camera: Camera, pictures: PictureOptions, out: Path) -> Camera:
 def check_views(own: RenderOptions, scene: Path, options: ViewOptions, path: PathOptions) -> None:
     """Raise UsageError for numbers of views where there is no capture, or a number of views where
     there is one picture or a path."""
-    from gsedit.datasets.cameras_json import cameras_file
+    from gsedit.views.cameras_json import cameras_file
 
     views, kind = own.views, own.kind
     recorded = options.data or (not options.placed and cameras_file(scene))
@@ -395,7 +395,7 @@ def tint(
 ) -> Gaussians:
     """The scene with the region tinted; what the region holds is printed."""
     from gsedit.editing.parts import drawn_region
-    from gsedit.editors import make_editor
+    from gsedit.paper.editors import make_editor
     from gsedit.select.finder import Finder
     from gsedit.select.region import tinted
 

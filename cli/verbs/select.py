@@ -24,12 +24,12 @@ from ..options.selection import (
 if TYPE_CHECKING:
     import numpy as np
 
-    from gsedit.datasets.viewpoints import Viewpoint
     from gsedit.formats.streams import SceneSource
     from gsedit.select.finder import Finder
     from gsedit.select.masked import MaskProvider
     from gsedit.select.region import Region
     from gsedit.select.rules import Selection
+    from gsedit.views.viewpoints import Viewpoint
     from rasterizer.scene import Gaussians
 
 

@@ -87,7 +87,7 @@ def style(
     from gsedit.editing.style.settings import StyleSettings
     from gsedit.editing.style.style import style_steps
     from gsedit.formats.pictures import read_picture
-    from gsedit.runs.events import Event
+    from gsedit.run.events import Event
     from gsedit.select.rules import EVERYTHING
 
     part = EVERYTHING if own.where is None else parse_where(own.where, views.data)

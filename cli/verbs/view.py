@@ -18,10 +18,10 @@ from ..options.common import Reads, Scene, Writes, load_file, scene_file
 if TYPE_CHECKING:
     from torch import Tensor
 
-    from gsedit.datasets.viewpoints import Viewpoint
     from gsedit.formats.scenes import SceneFile
     from gsedit.pictures.viewer.browser import Page
     from gsedit.pictures.viewer.drawing import Look, Surroundings
+    from gsedit.views.viewpoints import Viewpoint
     from rasterizer.camera import Camera
     from rasterizer.scene import Gaussians
 
@@ -160,8 +160,8 @@ class ViewerCamera(Placing):
         """Return the camera of --from, --look-at and --up, else the first viewpoint, else None.
 
         `size` is (width, height)."""
-        from gsedit.datasets.viewpoints import framed
         from gsedit.scene.framing import framing_camera
+        from gsedit.views.viewpoints import framed
 
         if not self.placed:
             return framed(viewpoints[0].camera, *size) if viewpoints else None

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from bench.staged import Stage, stage
+from gsedit.bench.synthetic.daylight import Daylight
+from gsedit.bench.synthetic.paint import plain
 from gsedit.scene.similarity import Similarity
-from gsedit.synthetic.daylight import Daylight
-from gsedit.synthetic.paint import plain
 
 BLACK = (0.0, 0.0, 0.0)
 """Background of all cases: that of a renderer where no Gaussian is."""

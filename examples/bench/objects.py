@@ -21,22 +21,22 @@ from torch import Tensor
 
 from bench.object_cases import CASES, NOON, Case, placed
 from bench.staged import Labelled, Stage
-from gsedit.cameras.place import place_of
+from gsedit.change.light.named import LightSetup, Sun
+from gsedit.change.light.relight import relit
+from gsedit.change.materials.apply import in_material
+from gsedit.change.materials.named import paint_of
+from gsedit.change.objects.bending.bend import Handle, bend
+from gsedit.change.objects.growth.grow import grow
+from gsedit.change.objects.growth.table import GROWTHS, LEAST, MOST
+from gsedit.change.objects.placing.insert import insert
+from gsedit.change.objects.placing.place import place
+from gsedit.change.objects.placing.placement import Placement
+from gsedit.change.objects.removal.remove import remove
 from gsedit.errors import GseditError
-from gsedit.light.named import LightSetup, Sun
-from gsedit.light.relight import relit
-from gsedit.materials.apply import in_material
-from gsedit.materials.named import paint_of
 from gsedit.measures.metrics import NEAREST, psnr
-from gsedit.objects.bending.bend import Handle, bend
-from gsedit.objects.growth.grow import grow
-from gsedit.objects.growth.table import GROWTHS, LEAST, MOST
-from gsedit.objects.placing.insert import insert
-from gsedit.objects.placing.place import place
-from gsedit.objects.placing.placement import Placement
-from gsedit.objects.removal.remove import remove
 from gsedit.scene.similarity import IDENTITY, Similarity
 from gsedit.scene.table import gaussians_of, table_of
+from gsedit.views.place import place_of
 from rasterizer.camera import Camera
 from rasterizer.render import render
 from rasterizer.scene import Gaussians, concatenate

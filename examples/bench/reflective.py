@@ -15,11 +15,11 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from gsedit.bench.synthetic.scene import SyntheticScene
+from gsedit.bench.synthetic.shapes import Sdf, Triple, gradient
+from gsedit.bench.synthetic.splats import surface_gaussians, surface_points
 from gsedit.scene.color_space import linear_of_srgb, srgb_of_linear
 from gsedit.scene.quaternions import even_directions
-from gsedit.synthetic.scene import SyntheticScene
-from gsedit.synthetic.shapes import Sdf, Triple, gradient
-from gsedit.synthetic.splats import surface_gaussians, surface_points
 from rasterizer.camera import Camera
 from rasterizer.numerics import color_to_sh
 from rasterizer.scene import Gaussians, concatenate

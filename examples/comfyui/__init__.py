@@ -13,7 +13,7 @@ from typing import Any
 import torch
 
 import gsedit
-from gsedit.cameras.around import around
+from gsedit.views.around import around
 from rasterizer import render
 
 PICTURES = 4

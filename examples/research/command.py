@@ -10,7 +10,7 @@ from typing import Annotated, TypeVar
 import typer
 
 from gsedit.errors import GseditError, InputError, UsageError
-from gsedit.runs.events import Event
+from gsedit.run.events import Event
 
 Output = Annotated[Path, typer.Option("-o", "--output", help="Folder for the results.")]
 Quick = Annotated[bool, typer.Option("--quick", help="Fewer and smaller cases.")]

@@ -7,7 +7,7 @@ from math import ceil, log
 from pathlib import Path
 from typing import Any
 
-from gsedit.storage.atomic import atomic_path
+from gsedit.run.atomic import atomic_path
 
 Point = tuple[float, float]
 

@@ -17,8 +17,8 @@ from pathlib import Path
 import torch
 
 from gsedit import load
-from gsedit.datasets.load import load_dataset
-from gsedit.objects import Click, Selector
+from gsedit.change.objects import Click, Selector
+from gsedit.views.load import load_dataset
 from research.measure_subjects import middle, read_truth
 
 WANTED = {"bear": "bear", "garden": "vase", "dinosaur": "dino"}

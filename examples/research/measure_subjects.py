@@ -27,12 +27,12 @@ from torch import Tensor
 from torch.nn.functional import max_pool2d
 
 from gsedit import load
-from gsedit.datasets.load import load_dataset
-from gsedit.datasets.viewpoints import viewpoints_of
 from gsedit.select.click import Click, Selector
 from gsedit.select.finder import Finder
 from gsedit.select.region import Region, coverage
 from gsedit.select.subject import find_subject
+from gsedit.views.load import load_dataset
+from gsedit.views.viewpoints import viewpoints_of
 from rasterizer.camera import Camera
 from rasterizer.numerics import color_to_sh
 from rasterizer.render import render

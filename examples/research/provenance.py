@@ -11,8 +11,8 @@ from typing import TypeVar
 import torch
 
 from gsedit.bench.results import commit, machine
-from gsedit.runs.events import Event
-from gsedit.runs.json_lines import Journal
+from gsedit.run.events import Event
+from gsedit.run.json_lines import Journal
 
 
 @dataclass(frozen=True)

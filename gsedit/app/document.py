@@ -14,9 +14,9 @@ from itertools import chain, count
 from pathlib import Path
 
 from gsedit.errors import UsageError
-from gsedit.runs.json_lines import write_record
-from gsedit.storage.atomic import locked
-from gsedit.storage.json_files import list_of, number, object_of, read_json, text
+from gsedit.run.atomic import locked
+from gsedit.run.json_files import list_of, number, object_of, read_json, text
+from gsedit.run.json_lines import write_record
 
 
 @dataclass(frozen=True)

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING
 
 import torch
 
-from gsedit.cameras.around import FOUND_VIEWS, find_viewpoints
-from gsedit.cameras.paths import up_of
-from gsedit.datasets.cameras_json import cameras_file, read_cameras
-from gsedit.datasets.viewpoints import Viewpoint, same_size, that_see, thinned, viewpoints_near
 from gsedit.formats.scenes import read_scene
 from gsedit.scene.cache import SceneCache
 from gsedit.scene.framing import Bounds, bounds, framing_camera, guess_up
+from gsedit.views.around import FOUND_VIEWS, find_viewpoints
+from gsedit.views.cameras_json import cameras_file, read_cameras
+from gsedit.views.paths import up_of
+from gsedit.views.viewpoints import Viewpoint, same_size, that_see, thinned, viewpoints_near
 from rasterizer.camera import Camera
 from rasterizer.numerics import DEFAULT, Numerics
 from rasterizer.scene import Gaussians
@@ -146,8 +146,8 @@ class Loaded:
 def read_checkpoint(file: Path, unedited: Gaussians | None) -> Loaded:
     """The scene of a fit or an edit that goes on, by its last checkpoint; an edit's moves some of
     the Gaussians of the `unedited` scene. Raises InputError for a damaged file."""
-    from gsedit.fitting.optimizer import optimized_scene
-    from gsedit.runs.state import load_state, restoring
+    from gsedit.capture.fitting.optimizer import optimized_scene
+    from gsedit.run.state import load_state, restoring
 
     state = load_state(file)
     with restoring(state):

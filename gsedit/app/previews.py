@@ -23,7 +23,7 @@ from gsedit.editing.plan import is_exact
 from gsedit.editing.preview import preview_edited, shown_by
 from gsedit.errors import GseditError
 from gsedit.paper.settings import EditSettings
-from gsedit.runs.events import returned
+from gsedit.run.events import returned
 from gsedit.select.finder import Finder, Names
 from gsedit.select.saved import saved_files
 from rasterizer.camera import Camera

@@ -12,9 +12,9 @@ from typing import Literal
 from gsedit.app.moves import on_page
 from gsedit.app.places import Places
 from gsedit.editing.plan import is_exact, steps_of
-from gsedit.editor_protocol import Editor
-from gsedit.editors.registry import make_editor
 from gsedit.errors import UsageError
+from gsedit.paper.editors.registry import make_editor
+from gsedit.paper.protocol import Editor
 from gsedit.words.actions import FILE
 from gsedit.words.called import read_called
 from gsedit.words.instruction import MORE, Change, Instruction, sentence_of

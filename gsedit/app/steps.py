@@ -13,11 +13,11 @@ from torch import Tensor
 
 from gsedit.app.document import Pending, step_folder
 from gsedit.app.loaded import Loaded
-from gsedit.datasets.cameras_json import NAME as CAMERAS
-from gsedit.datasets.cameras_json import cameras_file
 from gsedit.errors import UsageError
 from gsedit.select.region import Region, save_region
 from gsedit.select.saved import carry_named, folder_of, saved_names
+from gsedit.views.cameras_json import NAME as CAMERAS
+from gsedit.views.cameras_json import cameras_file
 
 FOLDER_VERBS = ("edit", "make", "style")
 """Verbs whose -o is a folder with a scene.ply in it; that of the others is the scene."""

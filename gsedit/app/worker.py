@@ -13,8 +13,8 @@ from threading import RLock, Thread
 from typing import Any
 
 from gsedit.errors import MOVES, GseditError, Said, UsageError
-from gsedit.runs.events import Event
-from gsedit.runs.stopwatch import Stopwatch
+from gsedit.run.events import Event
+from gsedit.run.stopwatch import Stopwatch
 
 BETWEEN_NOTICES = 0.2
 """Seconds between two notices of progress."""

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import torch
 
-from gsedit.runs.environment import installed_version
-from gsedit.storage.atomic import atomic_path
+from gsedit.run.atomic import atomic_path
+from gsedit.run.environment import installed_version
 
 
 @cache

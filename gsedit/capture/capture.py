@@ -30,9 +30,9 @@ from gsedit.capture.stages import (
 )
 from gsedit.capture.upright import find_upright
 from gsedit.errors import GseditError, InputError, UsageError
-from gsedit.runs.events import Event
-from gsedit.storage.atomic import atomic_path
-from gsedit.storage.json_files import read_json
+from gsedit.run.atomic import atomic_path
+from gsedit.run.events import Event
+from gsedit.run.json_files import read_json
 
 WORK = "work"
 """The folder of the stages."""
@@ -382,9 +382,9 @@ def describe(out: Path) -> str:
     """Write cameras.json and capture.png of a folder, as `fit` reads it; why not, if a picture
     cannot be drawn."""
     from gsedit.capture.picture import save_picture
-    from gsedit.datasets.cameras_json import write_cameras
-    from gsedit.datasets.colmap import read_colmap
-    from gsedit.datasets.viewpoints import Viewpoint
+    from gsedit.views.cameras_json import write_cameras
+    from gsedit.views.colmap import read_colmap
+    from gsedit.views.viewpoints import Viewpoint
 
     found = read_colmap(out / "sparse" / "0")
     cameras = [photo.lens.camera(photo.world_to_camera) for photo in found.photos]

@@ -17,10 +17,10 @@ from jaxtyping import UInt8
 from PIL import Image
 
 from gsedit.errors import InputError
-from gsedit.runs.environment import load_extra
-from gsedit.runs.events import Event
-from gsedit.storage.atomic import atomic_path
-from gsedit.storage.inputs import existing_file
+from gsedit.run.atomic import atomic_path
+from gsedit.run.environment import load_extra
+from gsedit.run.events import Event
+from gsedit.run.inputs import existing_file
 
 SUFFIXES = (".mp4", ".mov", ".m4v", ".mkv", ".webm", ".avi", ".3gp", ".mts", ".m2ts")
 PER_SECOND = 2.0

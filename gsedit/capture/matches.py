@@ -18,7 +18,7 @@ from gsedit.capture.settings import Attempt
 from gsedit.capture.stages import LOG
 from gsedit.errors import UsageError
 from gsedit.formats.pictures import as_picture, save_picture
-from gsedit.runs.events import returned
+from gsedit.run.events import returned
 from rasterizer.camera import Camera
 
 FEATURES = 4096

@@ -16,7 +16,7 @@ from PIL import Image, ImageOps
 from gsedit.capture.stages import Step
 from gsedit.errors import InputError
 from gsedit.formats.pictures import decoded
-from gsedit.storage.json_files import read_json
+from gsedit.run.json_files import read_json
 
 HEIC = "HEIC needs pi-heif, which this machine lacks: pip install pi-heif, or convert them to JPEG"
 QUALITY = 95

@@ -30,9 +30,9 @@ from typing import Any, TypeAlias
 
 import gsedit
 from gsedit.errors import GseditError
-from gsedit.runs.events import Event
-from gsedit.storage.atomic import atomic_path
-from gsedit.storage.json_files import read_json
+from gsedit.run.atomic import atomic_path
+from gsedit.run.events import Event
+from gsedit.run.json_files import read_json
 
 
 @dataclass(frozen=True)

@@ -11,30 +11,30 @@ import torch
 from jaxtyping import Bool
 from torch import Tensor
 
-from gsedit.cameras.around import find_viewpoints
-from gsedit.datasets.dataset import Dataset
-from gsedit.datasets.viewpoints import viewpoints_of
 from gsedit.editing.measure import Changed, measured, summed
 from gsedit.editing.painters import PAINTERS, Looking
 from gsedit.editing.parts import assumed, find_parts, in_region
 from gsedit.editing.plan import PICTURE, asks_editor_2d, is_exact, read_steps, runs_of
 from gsedit.editing.result import EditResult
-from gsedit.editor_protocol import Editor
-from gsedit.editors import make_editor
 from gsedit.errors import UsageError
 from gsedit.measures.features import FeatureExtractor
-from gsedit.objects.outcome import same
 from gsedit.paper.actions import Strategy
 from gsedit.paper.draw import EditPlan, draw, explain
+from gsedit.paper.editors import make_editor
+from gsedit.paper.protocol import Editor
 from gsedit.paper.request import Method, Request, Views, build_request
 from gsedit.paper.settings import EditSettings
 from gsedit.paper.strategies.single_pass import SinglePass
-from gsedit.runs.events import Checkpoint, Event
-from gsedit.runs.ranks import ALONE, Ranks
-from gsedit.runs.state import State
-from gsedit.runs.stopwatch import Stopwatch
+from gsedit.run.events import Checkpoint, Event
+from gsedit.run.ranks import ALONE, Ranks
+from gsedit.run.state import State
+from gsedit.run.stopwatch import Stopwatch
+from gsedit.scene.outcome import same
 from gsedit.select.finder import Finder, Names
 from gsedit.select.region import Region
+from gsedit.views.around import find_viewpoints
+from gsedit.views.dataset import Dataset
+from gsedit.views.viewpoints import viewpoints_of
 from gsedit.words.instruction import Instruction
 from rasterizer.scene import Gaussians
 

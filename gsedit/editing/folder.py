@@ -8,20 +8,20 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from gsedit.datasets.view_pictures import write_view_pictures
 from gsedit.editing.result import EditResult
 from gsedit.errors import InputError
 from gsedit.formats.edit_records import read_edit_record
 from gsedit.formats.scenes import save
 from gsedit.measures.against import ALONE, HELD_OUT, TARGETS, UNFINISHED
 from gsedit.paper.evidence import SHEET_HELD_OUT_VIEWS
-from gsedit.runs.environment import environment
-from gsedit.runs.events import as_record
-from gsedit.runs.json_lines import write_line, write_record
+from gsedit.run.atomic import atomic_path, check_writable
+from gsedit.run.environment import environment
+from gsedit.run.events import as_record
+from gsedit.run.inputs import file_inside
+from gsedit.run.json_lines import write_line, write_record
+from gsedit.run.safe_names import safe_name
 from gsedit.select.region import save_region
-from gsedit.storage.atomic import atomic_path, check_writable
-from gsedit.storage.inputs import file_inside
-from gsedit.storage.safe_names import safe_name
+from gsedit.views.view_pictures import write_view_pictures
 
 FILES = (
     "scene.ply", "region.npy", "region_before.npy", "metrics.jsonl", "before_after.png",

@@ -10,21 +10,21 @@ from typing import Any
 from jaxtyping import Bool, Int
 from torch import Tensor
 
-from gsedit.datasets.dataset import View, capture, evenly_spaced
-from gsedit.datasets.view_list_files import HELD_OUT_EVERY, ViewList
-from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.editing.parts import Parts
 from gsedit.editing.plan import EXACT_ROUTES, PICTURE, is_exact, key_of
 from gsedit.editing.result import EditResult
 from gsedit.measures.evaluation import evaluate
 from gsedit.measures.evaluation_input import Evaluation, EvaluationInput, Means
-from gsedit.objects.outcome import NEW, Outcome
 from gsedit.paper.evaluate import Drawing
 from gsedit.paper.evidence import EditMetrics, Evidence, HeldOutViews
 from gsedit.paper.settings import EditSettings
-from gsedit.runs.stopwatch import Stopwatch
+from gsedit.run.stopwatch import Stopwatch
+from gsedit.scene.outcome import NEW, Outcome
 from gsedit.select.finder import Finder
 from gsedit.select.region import Region
+from gsedit.views.dataset import View, capture, evenly_spaced
+from gsedit.views.view_list_files import HELD_OUT_EVERY, ViewList
+from gsedit.views.viewpoints import Viewpoint
 from gsedit.words.instruction import Change, Instruction
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians

@@ -14,21 +14,21 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from gsedit.cameras.place import light_note, place_of
-from gsedit.datasets.dataset import evenly_spaced
+from gsedit.change.light.named import setup_of
+from gsedit.change.light.relight import relit
+from gsedit.change.materials.apply import in_material
+from gsedit.change.materials.named import material_of, paint_of
+from gsedit.change.scenery.named import SCENERIES, in_scenery
 from gsedit.editing.placements import Flags, paint_objects
 from gsedit.editing.plan import key_of
 from gsedit.editing.tone import toned
 from gsedit.errors import Said, UsageError
-from gsedit.light.named import setup_of
-from gsedit.light.relight import relit
-from gsedit.materials.apply import in_material
-from gsedit.materials.named import material_of, paint_of
-from gsedit.objects.outcome import Outcome
 from gsedit.scene.cache import cached_per_scene
+from gsedit.scene.outcome import Outcome
 from gsedit.scene.table import table_of
-from gsedit.scenery.named import SCENERIES, in_scenery
 from gsedit.select.region import lift
+from gsedit.views.dataset import evenly_spaced
+from gsedit.views.place import light_note, place_of
 from gsedit.words.colors import parse_hex
 from gsedit.words.instruction import Change
 from rasterizer.camera import Camera

@@ -14,10 +14,10 @@ from torch import Tensor
 
 from gsedit.editing.plan import COPY, EXACT_ROUTES, MADE, PICTURE, is_exact, key_of
 from gsedit.editing.rivals import check_alone
-from gsedit.editor_protocol import Editor
 from gsedit.errors import UsageError
 from gsedit.formats.registry import open_scene
-from gsedit.objects.outcome import NEW, Outcome
+from gsedit.paper.protocol import Editor
+from gsedit.scene.outcome import NEW, Outcome
 from gsedit.select.finder import Finder, Names
 from gsedit.select.region import Region, everything
 from gsedit.words.instruction import Change, Instruction

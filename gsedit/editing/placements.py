@@ -13,16 +13,16 @@ import torch
 from jaxtyping import Bool
 from torch import Tensor
 
-from gsedit import objects
-from gsedit.cameras.paths import up_of
-from gsedit.datasets.cameras_json import cameras_file, read_cameras
-from gsedit.datasets.viewpoints import that_see
+from gsedit.change import objects
+from gsedit.change.objects.placing.placement import Placement, RelativePlace, Side
 from gsedit.editing.plan import COPY, key_of
 from gsedit.errors import Said, UsageError
 from gsedit.formats.scenes import load
-from gsedit.objects.outcome import Outcome
-from gsedit.objects.placing.placement import Placement, RelativePlace, Side
+from gsedit.scene.outcome import Outcome
 from gsedit.select.finder import Finder
+from gsedit.views.cameras_json import cameras_file, read_cameras
+from gsedit.views.paths import up_of
+from gsedit.views.viewpoints import that_see
 from gsedit.words.instruction import Change, Place
 from gsedit.words.phrases import GROUNDS
 from rasterizer.camera import Camera
@@ -103,7 +103,7 @@ def _placed(placement: Placement, change: Change, flags: Flags, own: str) -> Pla
 
 
 def _beside(place: Place | None, flags: Flags, own: str | None) -> RelativePlace | None:
-    """The place as `gsedit.objects.placing` has it; `own` is the key of what is placed."""
+    """The place as `gsedit.change.objects.placing` has it; `own` is the key of what is placed."""
     if place is None:
         return None
     of = "subject" if place.of == "it" else place.of

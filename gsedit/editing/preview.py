@@ -13,21 +13,21 @@ from jaxtyping import Bool
 from PIL import Image
 from torch import Tensor
 
-from gsedit.datasets.dataset import View, evenly_spaced
-from gsedit.datasets.image_ops import downscale
-from gsedit.datasets.viewpoints import Viewpoint
-from gsedit.diffusion.settings import SamplerSettings
 from gsedit.editing.edit import change_steps
-from gsedit.editor_protocol import EditBatch, Editor
 from gsedit.formats.pictures import fitted_size
+from gsedit.paper.diffusion.settings import SamplerSettings
 from gsedit.paper.guided import carry_change
+from gsedit.paper.protocol import EditBatch, Editor
 from gsedit.paper.settings import EditSettings
 from gsedit.paper.unedited import edit_camera
 from gsedit.pictures.contact_sheet import contact_sheet
-from gsedit.runs.events import returned
+from gsedit.run.events import returned
 from gsedit.scene.picture import render_picture
 from gsedit.select.finder import Finder, Names
 from gsedit.select.region import lift
+from gsedit.views.dataset import View, evenly_spaced
+from gsedit.views.image_ops import downscale
+from gsedit.views.viewpoints import Viewpoint
 from gsedit.words.instruction import Instruction
 from gsedit.words.phrases import IT
 from rasterizer.camera import Camera

@@ -26,7 +26,7 @@ class EditResult(Evidence):
     region_before: Region | None = None
     """The Gaussians of the unedited scene that changed or are gone; None where its rows stay."""
     origin: Int[Tensor, " m"] | None = None
-    """The row in the unedited scene of each Gaussian, NEW (gsedit.objects.outcome) for a new one;
+    """The row in the unedited scene of each Gaussian, NEW (gsedit.scene.outcome) for a new one;
     None where its rows stay."""
     understood: Instruction | None = None
     """The changes that were read in the sentence; None where a 2D editor got it as it is."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from gsedit.storage.json_files import list_of, object_of, read_json, text
+from gsedit.run.json_files import list_of, object_of, read_json, text
 
 _TEXTS = ("scene", "first_scene")
 _OBJECTS = ("editor", "strategy", "measured", "timings", "work")

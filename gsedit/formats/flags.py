@@ -8,9 +8,9 @@ from tokenize import TokenError
 import numpy as np
 
 from gsedit.errors import InputError
+from gsedit.run.atomic import atomic_path
+from gsedit.run.inputs import existing_file
 from gsedit.scene.shapes import Bool
-from gsedit.storage.atomic import atomic_path
-from gsedit.storage.inputs import existing_file
 
 MAGIC = b"\x93NUMPY\x01\x00"
 

@@ -14,7 +14,7 @@ from gsedit.errors import GseditError, InputError
 from gsedit.formats.gltf.document import Document
 from gsedit.formats.limits import MAX_POSITION, check_expansion
 from gsedit.formats.pictures import check_picture
-from gsedit.storage.inputs import file_inside, open_regular
+from gsedit.run.inputs import file_inside, open_regular
 
 
 def geometries(path: Path) -> Iterator[Any]:

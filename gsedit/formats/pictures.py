@@ -14,8 +14,8 @@ from PIL import ExifTags, Image, ImageOps
 from torch import Tensor
 
 from gsedit.errors import GseditError, InputError, UsageError
-from gsedit.storage.atomic import atomic_path
-from gsedit.storage.inputs import open_regular
+from gsedit.run.atomic import atomic_path
+from gsedit.run.inputs import open_regular
 
 Image.MAX_IMAGE_PIXELS = None
 """Pillow's own limit off: `check_picture` stands for it, and can be set."""

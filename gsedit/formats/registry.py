@@ -18,8 +18,8 @@ from gsedit.formats.streams import (
     WriteOptions,
 )
 from gsedit.formats.table import FORMATS, INDEX, READABLE, WRITABLE, Format
-from gsedit.storage.atomic import atomic_path
-from gsedit.storage.inputs import existing_file
+from gsedit.run.atomic import atomic_path
+from gsedit.run.inputs import existing_file
 
 
 def open_scene(path: str | Path, options: ReadOptions = AS_SPECIFIED) -> SceneSource:

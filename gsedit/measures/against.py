@@ -8,18 +8,18 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from gsedit.datasets import cameras_json as recorded
-from gsedit.datasets import view_list_files as view_lists
-from gsedit.datasets.colmap import model_folder
-from gsedit.datasets.view_list_files import ViewList, by_edit
-from gsedit.datasets.view_pictures import SUFFIXES, NoPicturesError, read_view_pictures
 from gsedit.errors import InputError
 from gsedit.formats.edit_records import read_edit_record
 from gsedit.formats.pictures import fitted_size
 from gsedit.measures.agreement import Pictures
 from gsedit.measures.evaluation_input import GIVEN, NO_TARGETS
-from gsedit.storage.inputs import existing_file
-from gsedit.storage.json_files import object_of, read_json
+from gsedit.run.inputs import existing_file
+from gsedit.run.json_files import object_of, read_json
+from gsedit.views import cameras_json as recorded
+from gsedit.views import view_list_files as view_lists
+from gsedit.views.colmap import model_folder
+from gsedit.views.view_list_files import ViewList, by_edit
+from gsedit.views.view_pictures import SUFFIXES, NoPicturesError, read_view_pictures
 
 Kind = Literal["scene", "edit", "photos", "pictures"]
 TARGETS, HELD_OUT, ALONE = "targets", "held_out", "held_out_alone"

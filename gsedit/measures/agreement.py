@@ -20,9 +20,9 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn.functional import grid_sample
 
-from gsedit.consistency.depth_maps import warp_of
-from gsedit.datasets.dataset import evenly_spaced
 from gsedit.measures.interval import Interval, interval
+from gsedit.views.dataset import evenly_spaced
+from gsedit.views.depth_maps import warp_of
 from rasterizer.camera import Camera
 from rasterizer.render import Rendering
 

@@ -14,7 +14,6 @@ from typing import Any
 
 import torch
 
-from gsedit.datasets.dataset import evenly_spaced
 from gsedit.measures.agreement import (
     COMPARED_VIEWS,
     MATCHED_PIXELS,
@@ -49,6 +48,7 @@ from gsedit.measures.table import (
     why_missing_at,
 )
 from gsedit.scene.picture import render_picture
+from gsedit.views.dataset import evenly_spaced
 from rasterizer.camera import Camera
 from rasterizer.render import Rendering, render
 

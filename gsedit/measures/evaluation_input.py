@@ -9,10 +9,10 @@ from typing import Any, Literal
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from gsedit.datasets.view_list_files import Role, ViewList
 from gsedit.measures.agreement import Matcher, Pictures, PointComparison, WarpComparison
 from gsedit.measures.interval import Interval
 from gsedit.select.region import Region
+from gsedit.views.view_list_files import Role, ViewList
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.render import Rendering
 from rasterizer.scene import Gaussians

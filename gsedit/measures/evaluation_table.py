@@ -10,7 +10,7 @@ from gsedit.measures.against import Reference
 from gsedit.measures.agreement import PointComparison, WarpComparison
 from gsedit.measures.evaluation_input import MEASURED_ROLES, Evaluation, Mean
 from gsedit.measures.table import COST, METRICS, label_of
-from gsedit.runs.environment import environment
+from gsedit.run.environment import environment
 
 COLUMNS = 80
 LABEL, NUMBER = 40, 15

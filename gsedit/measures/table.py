@@ -11,13 +11,13 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from gsedit.datasets.view_list_files import Role
 from gsedit.measures import perceptual as learned
 from gsedit.measures.decibels import psnr_from_rmse
 from gsedit.measures.evaluation_input import MEASURED_ROLES, EvaluationInput, Group
 from gsedit.measures.metrics import INSIDE, NEAREST, nearness, perceptual, rmse, ssim
 from gsedit.scene.picture import render_picture
 from gsedit.select.region import coverage
+from gsedit.views.view_list_files import Role
 
 Better = Literal["higher", "lower", "neither"]
 Picture: TypeAlias = Float[Tensor, "h w 3"]

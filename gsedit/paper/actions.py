@@ -9,17 +9,17 @@ from typing import Protocol, runtime_checkable
 
 import torch
 
-from gsedit.datasets.dataset import View
+from gsedit.capture.fitting.crops import ListedCrops
+from gsedit.capture.fitting.random_crops import crops_needed
+from gsedit.capture.fitting.solve import solve_colors
+from gsedit.capture.fitting.update import Target, update_steps
 from gsedit.errors import InputError
-from gsedit.fitting.crops import ListedCrops
-from gsedit.fitting.random_crops import crops_needed
-from gsedit.fitting.solve import solve_colors
-from gsedit.fitting.update import Target, update_steps
 from gsedit.paper.edit_views import edit_views
 from gsedit.paper.measure_progress import measure_progress
 from gsedit.paper.session import Session, preview, region_masks, seen_gaussians
 from gsedit.paper.unedited import render_with_depth
-from gsedit.runs.events import Event
+from gsedit.run.events import Event
+from gsedit.views.dataset import View
 
 MEASURE_EVERY_STEPS = 50
 """Optimizer steps between two measurements of the scene: each renders three views."""

@@ -39,10 +39,10 @@ from gsedit.paper.state import (
 from gsedit.paper.survey import survey_views
 from gsedit.paper.unedited import UneditedRenders
 from gsedit.paper.view_plan import ViewPlan
-from gsedit.runs.events import Checkpoint, Event, as_record, events_of, returned
-from gsedit.runs.json_lines import plain
-from gsedit.runs.state import State
-from gsedit.runs.stopwatch import Stopwatch
+from gsedit.run.events import Checkpoint, Event, as_record, events_of, returned
+from gsedit.run.json_lines import plain
+from gsedit.run.state import State
+from gsedit.run.stopwatch import Stopwatch
 
 
 def draw(

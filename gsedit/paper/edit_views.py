@@ -10,20 +10,16 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from gsedit.consistency.correspond import Correspondences, correspond
-from gsedit.consistency.depth_maps import DEFAULT_RULES, NO_RULES
-from gsedit.consistency.harmonise import Surface, harmonise_by_depth
-from gsedit.datasets.dataset import View
-from gsedit.datasets.image_ops import downscale
-from gsedit.datasets.padding import pad_camera, pad_to_multiple
-from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editor_protocol import EditBatch
 from gsedit.errors import GseditError
+from gsedit.paper.consistency.correspond import Correspondences, correspond
+from gsedit.paper.consistency.harmonise import Surface, harmonise_by_depth
+from gsedit.paper.diffusion.settings import SamplerSettings
 from gsedit.paper.guided import carry_change
+from gsedit.paper.protocol import EditBatch
 from gsedit.paper.session import Session, preview
 from gsedit.paper.unedited import UneditedRenders
 from gsedit.paper.view_plan import view_overlap
-from gsedit.runs.events import Event
+from gsedit.run.events import Event
 from gsedit.select.region import (
     MIN_SEEN_PIXELS,
     Lifted,
@@ -35,6 +31,10 @@ from gsedit.select.region import (
     smoothed,
 )
 from gsedit.select.surfaces import neighbors
+from gsedit.views.dataset import View
+from gsedit.views.depth_maps import DEFAULT_RULES, NO_RULES
+from gsedit.views.image_ops import downscale
+from gsedit.views.padding import pad_camera, pad_to_multiple
 from rasterizer.camera import Camera
 from rasterizer.numerics import Execution
 from rasterizer.scene import Gaussians

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 
-from gsedit.diffusion.precision import has_bfloat16
-from gsedit.editor_protocol import Cost
+from gsedit.paper.diffusion.precision import has_bfloat16
 from gsedit.paper.edit_views import batch_of
+from gsedit.paper.protocol import Cost
 from gsedit.paper.request import asks_editor, fits_pictures
 from gsedit.paper.session import Session
 

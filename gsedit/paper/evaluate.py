@@ -10,14 +10,10 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.datasets.dataset import View
-from gsedit.datasets.view_list_files import Role, ViewList
-from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.measures.against import TARGETS_ARE
 from gsedit.measures.agreement import Pictures, UneditedViews, spread
 from gsedit.measures.evaluation import evaluate
 from gsedit.measures.evaluation_input import EvaluationInput
-from gsedit.objects.outcome import Outcome
 from gsedit.paper.edit_views import MEASURE, match_views, sample_views
 from gsedit.paper.evidence import SHEET_HELD_OUT_VIEWS, EditMetrics, Evidence, HeldOutViews
 from gsedit.paper.measure_progress import (
@@ -27,9 +23,13 @@ from gsedit.paper.measure_progress import (
 )
 from gsedit.paper.request import name_of
 from gsedit.paper.session import Session
-from gsedit.runs.events import Event
+from gsedit.run.events import Event
+from gsedit.scene.outcome import Outcome
 from gsedit.scene.picture import render_picture
 from gsedit.select.region import Region
+from gsedit.views.dataset import View
+from gsedit.views.view_list_files import Role, ViewList
+from gsedit.views.viewpoints import Viewpoint
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from gsedit.datasets.dataset import View
 from gsedit.measures.evaluation_input import Evaluation
 from gsedit.paper.progress import Work
 from gsedit.paper.settings import EditSettings
 from gsedit.paper.skips import Decision
 from gsedit.paper.view_plan import ViewPlan
-from gsedit.runs.events import Event
+from gsedit.run.events import Event
+from gsedit.views.dataset import View
 
 
 @dataclass(frozen=True)

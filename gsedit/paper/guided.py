@@ -10,7 +10,7 @@ import torch.nn.functional as F
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.datasets.image_ops import downscale
+from gsedit.views.image_ops import downscale
 
 RADIUS = 1
 """Radius of the local maps' windows, in small pixels: of 1, 2 and 4, the nearest to the truth."""

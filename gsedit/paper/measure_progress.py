@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.datasets.dataset import evenly_spaced
 from gsedit.measures.decibels import rmse_from_psnr
 from gsedit.measures.metrics import psnr
 from gsedit.paper.session import Session, preview
-from gsedit.runs.events import Event
+from gsedit.run.events import Event
+from gsedit.views.dataset import evenly_spaced
 
 MAX_PROGRESS_VIEWS = 3
 """Most views that are measured while the work goes on, and by the perceptual distance at the end;

@@ -7,16 +7,16 @@ from dataclasses import dataclass, field
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.datasets.dataset import View
-from gsedit.editor_protocol import GroundTruth
-from gsedit.fitting.crops import ExactCrops, color_crops
-from gsedit.fitting.optimizer import SceneOptimizer
-from gsedit.fitting.update import Target, rates
+from gsedit.capture.fitting.crops import ExactCrops, color_crops
+from gsedit.capture.fitting.optimizer import SceneOptimizer
+from gsedit.capture.fitting.update import Target, rates
+from gsedit.paper.protocol import GroundTruth
 from gsedit.paper.request import Request
 from gsedit.paper.unedited import UneditedRenders
-from gsedit.runs.stopwatch import Stopwatch
+from gsedit.run.stopwatch import Stopwatch
 from gsedit.scene.framing import bounds
 from gsedit.select.region import Region
+from gsedit.views.dataset import View
 from rasterizer.blending.choose import is_compiled
 
 

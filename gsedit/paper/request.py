@@ -10,21 +10,21 @@ from typing import Any
 
 import torch
 
-from gsedit.datasets.dataset import Dataset, View, evenly_spaced
-from gsedit.datasets.lazy_views import of_one_size
-from gsedit.datasets.viewpoints import Viewpoint, that_see, thinned
-from gsedit.editor_protocol import Editor
-from gsedit.editors.ranked import with_ranks
+from gsedit.capture.fitting.edit_loss import check_installed
 from gsedit.errors import UsageError
-from gsedit.fitting.edit_loss import check_installed
 from gsedit.measures.features import FeatureExtractor, FilterBank
+from gsedit.paper.editors.ranked import with_ranks
+from gsedit.paper.protocol import Editor
 from gsedit.paper.settings import EditSettings
-from gsedit.runs.json_lines import plain
-from gsedit.runs.ranks import ALONE, Ranks
-from gsedit.runs.state import digest, digest_of
+from gsedit.run.json_lines import plain
+from gsedit.run.ranks import ALONE, Ranks
+from gsedit.run.state import digest, digest_of
 from gsedit.scene.merging.groups import MergedScene, coarsen
 from gsedit.scene.picture import render_picture
 from gsedit.select.region import Region
+from gsedit.views.dataset import Dataset, View, evenly_spaced
+from gsedit.views.lazy_views import of_one_size
+from gsedit.views.viewpoints import Viewpoint, that_see, thinned
 from rasterizer.camera import Camera
 from rasterizer.numerics import Execution
 from rasterizer.scene import Gaussians

@@ -12,7 +12,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from gsedit.fitting.random_crops import MIN_SHOWN_SHARE
+from gsedit.capture.fitting.random_crops import MIN_SHOWN_SHARE
 from gsedit.paper.progress import Progress
 from gsedit.paper.request import Request
 from gsedit.paper.unedited import UneditedRenders, render_with_depth

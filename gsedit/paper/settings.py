@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, Literal
 
-from gsedit.diffusion.settings import SamplerDefaults, SamplerSettings
+from gsedit.capture.fitting.settings import UpdateSettings
 from gsedit.errors import UsageError
-from gsedit.fitting.settings import UpdateSettings
+from gsedit.paper.diffusion.settings import SamplerDefaults, SamplerSettings
 from gsedit.paper.skips import DECISIONS, DecisionName
 from rasterizer.numerics import AUTO, Execution
 

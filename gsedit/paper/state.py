@@ -11,16 +11,16 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.datasets.dataset import View
+from gsedit.capture.fitting.crops import ListedCrops
 from gsedit.errors import Said, UsageError
-from gsedit.fitting.crops import ListedCrops
 from gsedit.paper.edit_views import find_ground_truth
 from gsedit.paper.progress import Work
 from gsedit.paper.session import Session
 from gsedit.paper.view_plan import ViewPlan
-from gsedit.runs.state import State, check_same, restoring, tensor_like
-from gsedit.runs.stopwatch import Stopwatch
+from gsedit.run.state import State, check_same, restoring, tensor_like
+from gsedit.run.stopwatch import Stopwatch
 from gsedit.select.region import Region, everything
+from gsedit.views.dataset import View
 
 FORMAT = 5
 """Version of an edit's state: raised when older states can no longer be restored."""

@@ -13,13 +13,13 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from gsedit.capture.fitting.solve import MOST_COEFFICIENTS
 from gsedit.errors import UsageError
-from gsedit.fitting.solve import MOST_COEFFICIENTS
 from gsedit.paper.request import Request
 from gsedit.paper.unedited import edit_camera
 from gsedit.paper.view_plan import ViewPlan, plan_views, random_plan, survey, wholeness
-from gsedit.runs.events import Event
-from gsedit.runs.stopwatch import Stopwatch
+from gsedit.run.events import Event
+from gsedit.run.stopwatch import Stopwatch
 
 INVISIBLE_COLOR = 1 / 510
 """Color difference in [0, 1] that no picture shows: half a step of an 8-bit picture."""

@@ -6,9 +6,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.datasets.image_ops import downscale
 from gsedit.paper.request import Request
 from gsedit.select.region import Region, coverage
+from gsedit.views.image_ops import downscale
 from rasterizer.camera import Camera
 from rasterizer.numerics import Execution
 from rasterizer.render import Rendering, render

@@ -16,8 +16,8 @@ from jaxtyping import UInt8
 from PIL import Image
 
 from gsedit.errors import UsageError
-from gsedit.runs.environment import load_extra
-from gsedit.storage.atomic import atomic_path
+from gsedit.run.atomic import atomic_path
+from gsedit.run.environment import load_extra
 
 Frame = UInt8[np.ndarray, "h w 3"]
 

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 from PIL import Image, ImageDraw, ImageFont, ImageOps
 
-from gsedit.datasets.dataset import View, evenly_spaced
 from gsedit.formats.pictures import as_picture
+from gsedit.views.dataset import View, evenly_spaced
 
 COLUMNS = 8  # more views than this on one sheet are too small to judge
 CELL_PIXELS = (128, 320)  # smaller pictures are enlarged to the first, larger reduced to the second

@@ -10,8 +10,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.runs.environment import load_extra
-from gsedit.storage.atomic import atomic_path
+from gsedit.run.atomic import atomic_path
+from gsedit.run.environment import load_extra
 
 LEAST_DIFFERENCE = 4 / 255
 """Least end of the scale of differences: a few steps of an 8-bit picture are not shown as much."""

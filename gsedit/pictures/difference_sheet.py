@@ -7,12 +7,12 @@ from pathlib import Path
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.datasets.dataset import View
 from gsedit.formats.pictures import save_picture
 from gsedit.measures.agreement import spread
 from gsedit.measures.evaluation_input import EvaluationInput
 from gsedit.pictures.contact_sheet import contact_sheet
 from gsedit.scene.picture import render_picture
+from gsedit.views.dataset import View
 
 EDITED, HELD_OUT = 4, 2
 """Most views that are shown of each kind."""

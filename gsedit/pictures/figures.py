@@ -12,8 +12,8 @@ from typing import Literal
 from PIL import Image, ImageDraw, ImageFont
 
 from gsedit.measures.decibels import psnr_from_rmse
-from gsedit.runs.events import Event
-from gsedit.storage.atomic import atomic_path
+from gsedit.run.atomic import atomic_path
+from gsedit.run.events import Event
 
 WIDTH, PANEL, MARGIN = 770, 330, 54
 """Pixels: width of the figure, height of a panel, and what is left around its curves."""

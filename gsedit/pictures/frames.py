@@ -11,9 +11,9 @@ import torch
 from jaxtyping import Float, UInt8
 from torch import Tensor
 
-from gsedit.datasets.dataset import evenly_spaced
 from gsedit.formats.pictures import eight_bits
 from gsedit.pictures.maps import SOLID, MapName, Maps, depth_colors, depth_range, render_maps, wipe
+from gsedit.views.dataset import evenly_spaced
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, DEFAULT, Execution, Numerics
 from rasterizer.scene import Gaussians

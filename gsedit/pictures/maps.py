@@ -13,8 +13,8 @@ from jaxtyping import Float, UInt8
 from PIL import Image, ImageDraw, ImageFont
 from torch import Tensor
 
-from gsedit.runs.environment import load_extra
-from gsedit.surface.normals import facing, shortest_axes
+from gsedit.run.environment import load_extra
+from gsedit.views.normals import facing, shortest_axes
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, DEFAULT, SH_DC, Execution, Numerics
 from rasterizer.render import render

@@ -16,9 +16,9 @@ from gsedit.errors import UsageError
 from gsedit.formats.pictures import as_picture, eight_bits, save_picture
 from gsedit.pictures.frames import normal_colors, panels
 from gsedit.pictures.maps import MapName, Maps, depth_picture, render_maps
-from gsedit.runs.environment import load_extra
+from gsedit.run.atomic import atomic_path
+from gsedit.run.environment import load_extra
 from gsedit.scene.color_space import linear_of_srgb
-from gsedit.storage.atomic import atomic_path
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, DEFAULT, Execution, Numerics
 from rasterizer.scene import Gaussians

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from gsedit.formats.streams import SceneSource
-from gsedit.runs.environment import load_extra
-from gsedit.storage.atomic import atomic_path
+from gsedit.run.atomic import atomic_path
+from gsedit.run.environment import load_extra
 from gsedit.toolkit.scene_summary import COLUMNS, Sample, SceneSummary
 
 

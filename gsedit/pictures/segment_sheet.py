@@ -12,11 +12,11 @@ from PIL import Image, ImageDraw, ImageFont
 from scipy.ndimage import binary_erosion, distance_transform_edt, median_filter
 from torch import Tensor
 
-from gsedit.datasets.dataset import evenly_spaced
-from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.formats.pictures import as_picture, eight_bits
 from gsedit.select.region import Region, tinted
 from gsedit.select.segment import Segments
+from gsedit.views.dataset import evenly_spaced
+from gsedit.views.viewpoints import Viewpoint
 from rasterizer.camera import Camera
 from rasterizer.color_weights import color_weights
 from rasterizer.render import render

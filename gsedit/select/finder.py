@@ -22,11 +22,10 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from gsedit.cameras.around import find_viewpoints
-from gsedit.datasets.viewpoints import Viewpoint, view_named
 from gsedit.errors import GseditError, Said, UsageError
 from gsedit.formats.flags import read_flags
-from gsedit.runs.state import digest_of
+from gsedit.run.atomic import atomic_path
+from gsedit.run.state import digest_of
 from gsedit.scene.merging.groups import MergedScene
 from gsedit.scene.table import table_of
 from gsedit.select.click import Click, Selector
@@ -37,7 +36,8 @@ from gsedit.select.saved import key_of_name, read_named
 from gsedit.select.segment import Segment, Segments
 from gsedit.select.subject import find_subject
 from gsedit.select.where import OUTSIDE, expression_of, questions, quoted, where
-from gsedit.storage.atomic import atomic_path
+from gsedit.views.around import find_viewpoints
+from gsedit.views.viewpoints import Viewpoint, view_named
 from gsedit.words.phrases import BASED, CARRIERS, IT, PRONOUNS, is_noun
 from rasterizer.camera import Camera
 from rasterizer.compiled import cache_folder

@@ -16,13 +16,9 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from gsedit.cameras.around import cameras_of
-from gsedit.datasets.dataset import View, evenly_spaced
-from gsedit.datasets.image_ops import downscale
-from gsedit.datasets.undistort import Lens, undistort, undistortion
-from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.errors import GseditError, InputError, UsageError
 from gsedit.formats.pictures import open_picture
+from gsedit.run.inputs import existing_file
 from gsedit.scene.neighbors import linked
 from gsedit.select.layers import numbered
 from gsedit.select.region import (
@@ -35,7 +31,11 @@ from gsedit.select.region import (
     within_silhouette,
 )
 from gsedit.select.surfaces import Neighbors, neighbors
-from gsedit.storage.inputs import existing_file
+from gsedit.views.around import cameras_of
+from gsedit.views.dataset import View, evenly_spaced
+from gsedit.views.image_ops import downscale
+from gsedit.views.undistort import Lens, undistort, undistortion
+from gsedit.views.viewpoints import Viewpoint
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.render import render

@@ -15,9 +15,9 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from gsedit.datasets.dataset import evenly_spaced
 from gsedit.formats.flags import write_flags
 from gsedit.select.surfaces import Neighbors, neighbors, smooth
+from gsedit.views.dataset import evenly_spaced
 from rasterizer.camera import Camera
 from rasterizer.color_weights import color_weights
 from rasterizer.numerics import AUTO, Execution, color_to_sh

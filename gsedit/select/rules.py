@@ -21,17 +21,17 @@ import numpy as np
 
 from gsedit.errors import GseditError, InputError, UsageError
 from gsedit.formats.flags import read_flags
-from gsedit.runs.environment import load_extra
+from gsedit.run.environment import load_extra
+from gsedit.run.inputs import existing_file
 from gsedit.scene.color_space import lab_of_srgb, srgb_of_hex
 from gsedit.scene.neighbors import k_nearest, linked
 from gsedit.scene.shapes import Bool, Float32, Float64, Int
 from gsedit.scene.table import SplatTable, gaussians_of
 from gsedit.scene.volumes import inside_ball, inside_box, squared_norm
-from gsedit.storage.inputs import existing_file
 
 if TYPE_CHECKING:
-    from gsedit.datasets.dataset import View
-    from gsedit.datasets.viewpoints import Viewpoint
+    from gsedit.views.dataset import View
+    from gsedit.views.viewpoints import Viewpoint
 
 QUIET = np.errstate(over="ignore", invalid="ignore", divide="ignore")
 """For masks that compute: a damaged row is not selected, and no reason for a warning."""
@@ -452,10 +452,10 @@ def views_of(cameras: str, scene: str) -> Sequence[View | Viewpoint]:
     The dataparser_transforms.json beside `scene`, the file that they belong to, tells the frame of
     an export; "": the frame of the file that is selected from. Raises InputError for no cameras.
     """
-    from gsedit.datasets.cameras_json import NAME, read_cameras
-    from gsedit.datasets.export_frame import in_export_frame
-    from gsedit.datasets.load import load_dataset
-    from gsedit.datasets.viewpoints import same_size
+    from gsedit.views.cameras_json import NAME, read_cameras
+    from gsedit.views.export_frame import in_export_frame
+    from gsedit.views.load import load_dataset
+    from gsedit.views.viewpoints import same_size
 
     path = Path(cameras).expanduser()
     if (path / NAME).is_file():
@@ -506,7 +506,7 @@ def middle(within: float, cameras: str, scene: str = "") -> Selection:
     def mask(table: SplatTable) -> Flags:
         import torch
 
-        from gsedit.cameras.paths import common_point
+        from gsedit.views.paths import common_point
 
         found = [view.camera for view in views_of(cameras, scene)]
         middle = common_point(found)

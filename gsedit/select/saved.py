@@ -14,8 +14,8 @@ import numpy as np
 
 from gsedit.errors import InputError, UsageError
 from gsedit.formats.flags import read_flags
-from gsedit.storage.atomic import atomic_path
-from gsedit.storage.inputs import beside
+from gsedit.run.atomic import atomic_path
+from gsedit.run.inputs import beside
 from gsedit.words.lexicon import things
 
 if TYPE_CHECKING:

@@ -16,8 +16,6 @@ from jaxtyping import Bool, Float
 from scipy.spatial import ConvexHull, QhullError
 from torch import Tensor
 
-from gsedit.cameras.around import cameras_of
-from gsedit.datasets.dataset import evenly_spaced
 from gsedit.scene.cache import cached_per_scene
 from gsedit.scene.neighbors import linked
 from gsedit.scene.quantiles import weighted_quantile
@@ -26,6 +24,8 @@ from gsedit.select.region import Lifted, Region, everything, lift, within_silhou
 from gsedit.select.saliency import SIDE, salient
 from gsedit.select.segment import Segments, segment_surfaces
 from gsedit.select.surfaces import Surfaces, look
+from gsedit.views.around import cameras_of
+from gsedit.views.dataset import evenly_spaced
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.render import render

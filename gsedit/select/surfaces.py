@@ -18,13 +18,13 @@ from scipy.sparse import coo_matrix, csr_matrix, diags
 from scipy.sparse.linalg import cg
 from torch import Tensor
 
-from gsedit.cameras.around import cameras_of
-from gsedit.cameras.place import Place, place_of
-from gsedit.datasets.dataset import evenly_spaced
 from gsedit.scene.cache import cached_per_scene
 from gsedit.scene.merging.groups import MAX_GAUSSIANS, MergedScene, coarsen
 from gsedit.scene.neighbors import k_nearest
-from gsedit.surface.normals import estimate_normals
+from gsedit.views.around import cameras_of
+from gsedit.views.dataset import evenly_spaced
+from gsedit.views.normals import estimate_normals
+from gsedit.views.place import Place, place_of
 from rasterizer.camera import Camera
 from rasterizer.color_weights import color_weights
 from rasterizer.numerics import AUTO, Execution, sh_to_color

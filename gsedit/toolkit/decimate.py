@@ -116,10 +116,10 @@ def picture_change(
 
     Of up to VIEWS of `cameras`, evenly chosen; of an orbit around `before` if None.
     """
-    from gsedit.cameras.orbit import orbit
     from gsedit.measures.decibels import psnr_from_rmse
     from gsedit.measures.metrics import pooled_rmse, squared_error
     from gsedit.scene.picture import render_picture
+    from gsedit.views.orbit import orbit
 
     scene, other = gaussians_of(before), gaussians_of(after)
     cameras = orbit(scene, VIEWS, SIZE) if cameras is None else cameras

@@ -18,12 +18,12 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from gsedit.cameras.around import find_views, view_names
-from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.errors import UsageError
 from gsedit.measures import metrics
 from gsedit.measures.decibels import psnr_from_rmse
 from gsedit.scene.picture import render_picture
+from gsedit.views.around import find_views, view_names
+from gsedit.views.viewpoints import Viewpoint
 from rasterizer.numerics import AUTO, DEFAULT, Execution, Numerics, sh_to_color
 from rasterizer.scene import Gaussians
 

@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from gsedit.errors import UsageError
-from gsedit.runs.environment import load_extra
+from gsedit.run.environment import load_extra
 from gsedit.scene.neighbors import k_nearest
 from gsedit.scene.similarity import Similarity, similarity_of
 from gsedit.scene.table import SplatTable

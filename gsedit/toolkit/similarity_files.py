@@ -13,11 +13,11 @@ import numpy as np
 
 from gsedit.errors import InputError
 from gsedit.formats.flags import mapped_array
+from gsedit.run.atomic import atomic_path
+from gsedit.run.inputs import existing_file
+from gsedit.run.json_files import read_json
 from gsedit.scene.quaternions import quaternion_of
 from gsedit.scene.similarity import Similarity, similarity_of
-from gsedit.storage.atomic import atomic_path
-from gsedit.storage.inputs import existing_file
-from gsedit.storage.json_files import read_json
 
 
 def record_of(similarity: Similarity) -> dict[str, Any]:

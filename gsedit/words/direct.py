@@ -6,8 +6,8 @@ from gsedit.words.instruction import Change
 from gsedit.words.lexicon import names
 
 LIGHTS, SCENERIES = names("light"), names("scenery")
-"""Names of the lights in gsedit.light.named, and of weather, seasons and drawings in
-gsedit.scenery.named."""
+"""Names of the lights in gsedit.change.light.named, and of weather, seasons and drawings in
+gsedit.change.scenery.named."""
 UNCLEAR = names("unclear")
 """Looks that only `small` draws, which are refused unless it is asked for by name."""
 
@@ -22,7 +22,7 @@ def light_of(name: str) -> str:
 def direct_route(change: Change) -> str | None:
     """The route that does a change on the Gaussians; None where none does.
 
-    gsedit.materials.table has every material of the lexicon.
+    gsedit.change.materials.table has every material of the lexicon.
     """
     if change.kind == "light" and light_of(change.name) in LIGHTS:
         return "light"

@@ -12,10 +12,10 @@ import torch
 from pages import make_page
 
 from gsedit.app.page import Page
-from gsedit.datasets.cameras_json import write_cameras
-from gsedit.datasets.viewpoints import Viewpoint
+from gsedit.bench.synthetic import demo_scene, ring_cameras, surface_gaussians
 from gsedit.formats.scenes import save
-from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
+from gsedit.views.cameras_json import write_cameras
+from gsedit.views.viewpoints import Viewpoint
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -22,7 +22,7 @@ from gsedit.app.frames import (
     tinted,
 )
 from gsedit.app.tab import camera_of, eye_of
-from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
+from gsedit.bench.synthetic import demo_scene, ring_cameras, surface_gaussians
 
 
 @pytest.fixture(scope="module")

@@ -7,9 +7,9 @@ from math import pi
 import pytest
 import torch
 
-from gsedit.cameras import search
-from gsedit.cameras.around import find_up, find_views, normals_from_depth, upright
-from gsedit.cameras.search import SearchEffort, ViewConstraints
+from gsedit.views import search
+from gsedit.views.around import find_up, find_views, normals_from_depth, upright
+from gsedit.views.search import SearchEffort, ViewConstraints
 from rasterizer import Gaussians, concatenate, look_at, render
 
 HALF = torch.tensor([2.5, 2.0, 1.25])  # of the room; z is up

@@ -10,11 +10,11 @@ import torch
 from point_clouds import ball
 
 from gsedit import orbit
-from gsedit.cameras.around import find_views
-from gsedit.cameras.orbit import circle, perpendicular
-from gsedit.cameras.search import ViewConstraints
 from gsedit.errors import UsageError
 from gsedit.scene import framing
+from gsedit.views.around import find_views
+from gsedit.views.orbit import circle, perpendicular
+from gsedit.views.search import ViewConstraints
 from rasterizer import render
 
 

@@ -10,10 +10,10 @@ import pytest
 import torch
 
 from gsedit import camera_path
-from gsedit.cameras.orbit import circle
-from gsedit.cameras.paths import circle_of, common_point, spline, swing, turntable, up_of
 from gsedit.errors import UsageError
 from gsedit.scene.framing import Bounds
+from gsedit.views.orbit import circle
+from gsedit.views.paths import circle_of, common_point, spline, swing, turntable, up_of
 from rasterizer import Camera, look_at
 
 UP = torch.nn.functional.normalize(torch.tensor([0.2, -1.0, 0.1], dtype=torch.float64), dim=0)

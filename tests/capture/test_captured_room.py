@@ -13,7 +13,7 @@ from pose_error import pose_error, poses
 
 from gsedit import load_dataset
 from gsedit.capture import stages
-from gsedit.datasets.cameras_json import read_cameras
+from gsedit.views.cameras_json import read_cameras
 
 FEW = "--set", "features=600", "--size", 192
 

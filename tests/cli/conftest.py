@@ -14,10 +14,10 @@ from PIL import Image
 from playroom import playroom
 
 from gsedit import save
-from gsedit.cameras.around import find_views
-from gsedit.cameras.search import SearchEffort
-from gsedit.datasets.cameras_json import write_cameras
-from gsedit.datasets.viewpoints import Viewpoint
+from gsedit.views.around import find_views
+from gsedit.views.cameras_json import write_cameras
+from gsedit.views.search import SearchEffort
+from gsedit.views.viewpoints import Viewpoint
 from rasterizer import render
 
 
@@ -25,7 +25,7 @@ from rasterizer import render
 def short_search(monkeypatch):
     """Few places where a command searches for views: what is found is tested elsewhere."""
     few = SearchEffort(places=12, kept=4, rendered=6, varied=4)
-    for module in ("gsedit.cameras.around", "gsedit.toolkit.differences"):
+    for module in ("gsedit.views.around", "gsedit.toolkit.differences"):
         monkeypatch.setattr(f"{module}.find_views", partial(find_views, effort=few))
 
 

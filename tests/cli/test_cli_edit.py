@@ -12,7 +12,7 @@ from command_line import answer, gsedit
 
 from gsedit import load
 from gsedit.editing.plan import read_steps
-from gsedit.objects.outcome import NEW, Outcome
+from gsedit.scene.outcome import NEW, Outcome
 from gsedit.select.saved import save_named, saved_file, saved_names
 from gsedit.words.looks import LOOKS
 from rasterizer.scene import concatenate
@@ -27,7 +27,7 @@ def filled(monkeypatch):
         origin = torch.cat((rows, torch.tensor([NEW, NEW])))
         return Outcome(concatenate(scene[rows], scene[:2]), origin, origin == NEW, ("2 fill it",))
 
-    monkeypatch.setattr("gsedit.objects.remove", remove)
+    monkeypatch.setattr("gsedit.change.objects.remove", remove)
 
 
 @pytest.fixture

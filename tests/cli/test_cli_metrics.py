@@ -9,7 +9,7 @@ import pytest
 from command_line import EDIT, answer, gsedit
 from PIL import Image
 
-from gsedit.datasets.view_list_files import read_view_list
+from gsedit.views.view_list_files import read_view_list
 
 
 @pytest.fixture(scope="module")

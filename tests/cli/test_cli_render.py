@@ -15,13 +15,13 @@ from PIL import Image
 from videos import read_frames
 
 from gsedit import orbit
-from gsedit.datasets.cameras_json import read_cameras, write_cameras
-from gsedit.datasets.viewpoints import Viewpoint, same_size
 from gsedit.formats.registry import write_scene
 from gsedit.formats.scenes import load
 from gsedit.formats.streams import SceneHeader, in_blocks
 from gsedit.pictures import animations
 from gsedit.scene.table import table_of
+from gsedit.views.cameras_json import read_cameras, write_cameras
+from gsedit.views.viewpoints import Viewpoint, same_size
 from rasterizer import Numerics, render
 
 

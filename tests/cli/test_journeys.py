@@ -16,9 +16,9 @@ from PIL import Image
 from playroom import playroom
 
 from gsedit import load, load_dataset
-from gsedit.datasets.cameras_json import read_cameras
 from gsedit.formats.registry import write_scene
 from gsedit.formats.streams import SceneHeader, in_blocks
+from gsedit.views.cameras_json import read_cameras
 
 BALL = "view_0:20,50"
 """The middle of the red ball in the first view, at 96 pixels."""

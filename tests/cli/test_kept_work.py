@@ -18,11 +18,11 @@ import torch
 from command_line import EDIT, FIT, answer, ended_early, files, gsedit, names
 
 from gsedit import load, load_dataset
-from gsedit.datasets.cameras_json import read_cameras
-from gsedit.datasets.export_frame import NAME, write_dataparser
 from gsedit.errors import GseditError
-from gsedit.runs.state import State, load_state, save_state
+from gsedit.run.state import State, load_state, save_state
 from gsedit.scene.similarity import similarity_of
+from gsedit.views.cameras_json import read_cameras
+from gsedit.views.export_frame import NAME, write_dataparser
 
 
 @pytest.fixture
@@ -120,7 +120,7 @@ def test_an_edit_goes_on_without_the_checkpoint_that_a_full_disk_takes(edit, pla
     def full(*_):
         raise GseditError("checkpoint cannot be written (No space left on device)")
 
-    monkeypatch.setattr("gsedit.runs.state.save_state", full)
+    monkeypatch.setattr("gsedit.run.state.save_state", full)
     done = gsedit(*edit)
     assert done.exit_code == 0, done.stderr
     assert done.stderr.count("No space left") == 1

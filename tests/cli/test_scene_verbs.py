@@ -12,7 +12,6 @@ from command_line import answer, gsedit
 from PIL import Image
 
 from gsedit import load, load_dataset
-from gsedit.datasets.cameras_json import own_file, read_cameras, write_cameras
 from gsedit.formats.registry import open_scene, write_scene
 from gsedit.formats.streams import SceneHeader, in_blocks
 from gsedit.scene.similarity import Similarity
@@ -20,6 +19,7 @@ from gsedit.scene.table import table_of
 from gsedit.select.region import Region
 from gsedit.select.saved import save_named
 from gsedit.toolkit import recolor, select
+from gsedit.views.cameras_json import own_file, read_cameras, write_cameras
 
 
 def means(path) -> np.ndarray:

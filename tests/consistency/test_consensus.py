@@ -14,13 +14,13 @@ import pytest
 import torch
 from sampler_runs import zero_terminal_snr
 
-from gsedit.consistency.consensus import consensus, share_noise
-from gsedit.diffusion.guidance import Branches
-from gsedit.diffusion.predictions import as_pair
-from gsedit.diffusion.sampler import Anchor, levels_of, sample
-from gsedit.diffusion.schedules import Schedule
-from gsedit.diffusion.settings import SamplerSettings
 from gsedit.errors import UsageError
+from gsedit.paper.consistency.consensus import consensus, share_noise
+from gsedit.paper.diffusion.guidance import Branches
+from gsedit.paper.diffusion.predictions import as_pair
+from gsedit.paper.diffusion.sampler import Anchor, levels_of, sample
+from gsedit.paper.diffusion.schedules import Schedule
+from gsedit.paper.diffusion.settings import SamplerSettings
 
 SD = Schedule.scaled_linear()
 SOLVERS = ("ddim", "euler", "heun", "dpm++2m", "ancestral")

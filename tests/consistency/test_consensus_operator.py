@@ -10,9 +10,9 @@ from walls import (
     stacked,
 )
 
-from gsedit.consistency.consensus import consensus, share_noise
-from gsedit.consistency.correspond import correspond
 from gsedit.errors import UsageError
+from gsedit.paper.consistency.consensus import consensus, share_noise
+from gsedit.paper.consistency.correspond import correspond
 
 
 @pytest.fixture(scope="module")

@@ -14,9 +14,9 @@ import torch
 from biased_views import WIDTHS, Biased, assert_converges, deviation, sweep
 from sampler_runs import FLOW, SD, SOLVERS, TERMINAL, generator, last
 
-from gsedit.diffusion.sampler import sample
-from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editors.small.editor import schedule as small_schedule
+from gsedit.paper.diffusion.sampler import sample
+from gsedit.paper.diffusion.settings import SamplerSettings
+from gsedit.paper.editors.small.editor import schedule as small_schedule
 
 
 def unguided(solver: str, steps: int, **more) -> SamplerSettings:

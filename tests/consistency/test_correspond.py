@@ -26,9 +26,9 @@ from walls import (
     true_error,
 )
 
-from gsedit.consistency.correspond import correspond, match
-from gsedit.consistency.depth_maps import DEFAULT_RULES, NO_RULES, Visibility
 from gsedit.errors import UsageError
+from gsedit.paper.consistency.correspond import correspond, match
+from gsedit.views.depth_maps import DEFAULT_RULES, NO_RULES, Visibility
 from rasterizer import look_at
 
 # ---- matching ------------------------------------------------------------------------------------

@@ -5,11 +5,11 @@ from __future__ import annotations
 import pytest
 import torch
 
-from gsedit.consistency.correspond import Correspondences, correspond
-from gsedit.consistency.harmonise import cell_means, harmonise, robust_mean
-from gsedit.editors.command.editor import CELL_PIXELS
+from gsedit.bench.synthetic import ring_cameras, scenes
 from gsedit.errors import UsageError
-from gsedit.synthetic import ring_cameras, scenes
+from gsedit.paper.consistency.correspond import Correspondences, correspond
+from gsedit.paper.consistency.harmonise import cell_means, harmonise, robust_mean
+from gsedit.paper.editors.command.editor import CELL_PIXELS
 
 
 def test_few_values_have_their_mean_and_many_outvote_one():

@@ -6,8 +6,8 @@ import pytest
 import torch
 from walls import FOUR, SLANTED, occluded_depth, plane_depth, seen
 
-from gsedit.consistency.depth_maps import warp_of
-from gsedit.consistency.harmonise import Surface, harmonise_by_depth
+from gsedit.paper.consistency.harmonise import Surface, harmonise_by_depth
+from gsedit.views.depth_maps import warp_of
 
 ANCHORED = torch.tensor([True, False, False, False])
 

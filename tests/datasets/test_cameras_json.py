@@ -7,14 +7,14 @@ import json
 import pytest
 import torch
 
-from gsedit.datasets.cameras_json import (
+from gsedit.errors import InputError, UsageError
+from gsedit.views.cameras_json import (
     cameras_file,
     read_cameras,
     write_beside,
     write_cameras,
 )
-from gsedit.datasets.viewpoints import Viewpoint
-from gsedit.errors import InputError, UsageError
+from gsedit.views.viewpoints import Viewpoint
 from rasterizer import look_at
 
 # the camera stands at (1, 2, 3) and looks along the world's +x, the world's -z is down

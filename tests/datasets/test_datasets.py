@@ -20,8 +20,8 @@ from photo_sets import (
 from PIL import Image
 
 from gsedit import load_dataset
-from gsedit.datasets.undistort import Lens, distort, undistort, undistortion
 from gsedit.errors import InputError
+from gsedit.views.undistort import Lens, distort, undistort, undistortion
 
 LENSES = {
     "pincushion": (Lens(60.0, 62.0, 41.0, 30.5, 80, 60), {"k1": 0.1, "k2": 0.03}),

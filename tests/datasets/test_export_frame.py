@@ -10,8 +10,8 @@ import torch
 from bad_files import dataset, write
 
 from gsedit import load_dataset
-from gsedit.datasets.export_frame import in_export_frame
 from gsedit.errors import InputError
+from gsedit.views.export_frame import in_export_frame
 
 TURN = [[cos(0.3), -sin(0.3), 0.0, 0.4], [sin(0.3), cos(0.3), 0.0, -0.2], [0.0, 0.0, 1.0, 0.7]]
 APPLIED = [[0.0, 1.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.1]]

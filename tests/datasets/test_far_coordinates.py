@@ -11,7 +11,7 @@ from bad_files import dataset, write
 from photo_sets import cameras, opengl_camera_to_world
 
 from gsedit import load_dataset
-from gsedit.datasets.export_frame import (
+from gsedit.views.export_frame import (
     NAME,
     frame_beside,
     in_export_frame,

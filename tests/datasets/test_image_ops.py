@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import torch
 
-from gsedit.datasets.image_ops import downscale, rotate_hue
+from gsedit.views.image_ops import downscale, rotate_hue
 
 
 @pytest.mark.parametrize("size", [(4, 3), (5, 4), (1, 1), (8, 6)])

@@ -7,8 +7,8 @@ from dataclasses import replace
 import torch
 
 from gsedit import Dataset, View
-from gsedit.datasets.lazy_views import PixelCache, of_one_size
-from gsedit.synthetic import demo_scene, ring_cameras
+from gsedit.bench.synthetic import demo_scene, ring_cameras
+from gsedit.views.lazy_views import PixelCache, of_one_size
 
 CAMERA = ring_cameras(demo_scene(), 1, 8)[0]
 IMAGE = torch.rand(8, 8, 3, generator=torch.Generator().manual_seed(0))

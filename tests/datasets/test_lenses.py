@@ -9,7 +9,7 @@ from photo_sets import cameras, color, rays_of
 from PIL import Image
 
 from gsedit import load_dataset
-from gsedit.datasets.undistort import ColmapLens, Lens, undistort, undistortion
+from gsedit.views.undistort import ColmapLens, Lens, undistort, undistortion
 
 K = (0.02, -0.01, 0.004, -0.001)
 SIZE = (80, 60)

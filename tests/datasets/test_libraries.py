@@ -11,7 +11,7 @@ def end(*_):
     print("kept", flush=True)
     raise SystemExit(3)
 signal.signal(signal.SIGTERM, end)
-from gsedit.datasets.undistort import import_pycolmap
+from gsedit.views.undistort import import_pycolmap
 import_pycolmap().Camera
 os.kill(os.getpid(), signal.SIGTERM)
 time.sleep(5)

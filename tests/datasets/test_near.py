@@ -10,10 +10,10 @@ import torch
 from point_clouds import ball
 
 from gsedit import Dataset, View, orbit
-from gsedit.cameras.around import find_views
-from gsedit.cameras.search import SearchEffort
-from gsedit.datasets.viewpoints import Viewpoint, dataset_near, viewpoints_near
 from gsedit.scene.framing import framing_camera
+from gsedit.views.around import find_views
+from gsedit.views.search import SearchEffort
+from gsedit.views.viewpoints import Viewpoint, dataset_near, viewpoints_near
 from rasterizer import Execution, look_at, render
 
 FEW = SearchEffort(places=30, kept=4, rendered=8, varied=4)

@@ -8,7 +8,8 @@ import pytest
 import torch
 
 from gsedit import View
-from gsedit.datasets.view_list_files import (
+from gsedit.errors import InputError, UsageError
+from gsedit.views.view_list_files import (
     ViewList,
     by_capture,
     by_edit,
@@ -16,9 +17,8 @@ from gsedit.datasets.view_list_files import (
     with_roles_of,
     write_view_list,
 )
-from gsedit.datasets.view_pictures import read_view_pictures, write_view_pictures
-from gsedit.datasets.viewpoints import Viewpoint
-from gsedit.errors import InputError, UsageError
+from gsedit.views.view_pictures import read_view_pictures, write_view_pictures
+from gsedit.views.viewpoints import Viewpoint
 from rasterizer import look_at
 
 FRAME = {

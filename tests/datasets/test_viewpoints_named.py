@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import pytest
 
-from gsedit.datasets.viewpoints import Viewpoint, same_size, view_named
+from gsedit.bench.synthetic.gallery import globe
+from gsedit.bench.synthetic.splats import ring_cameras
 from gsedit.errors import UsageError
-from gsedit.synthetic.gallery import globe
-from gsedit.synthetic.splats import ring_cameras
+from gsedit.views.viewpoints import Viewpoint, same_size, view_named
 
 NAMES = ("images/frame_1.jpg", "images/frame_2.jpg", "left/0.png", "right/0.png")
 

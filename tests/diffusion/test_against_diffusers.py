@@ -12,10 +12,10 @@ import diffusers
 import pytest
 import torch
 
-from gsedit.diffusion.guidance import Branches
-from gsedit.diffusion.sampler import levels_of, sample
-from gsedit.diffusion.schedules import Schedule
-from gsedit.diffusion.settings import SamplerSettings
+from gsedit.paper.diffusion.guidance import Branches
+from gsedit.paper.diffusion.sampler import levels_of, sample
+from gsedit.paper.diffusion.schedules import Schedule
+from gsedit.paper.diffusion.settings import SamplerSettings
 
 SD = {
     "beta_start": 0.00085,

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 import pytest
 import torch
 
-from gsedit.diffusion.guidance import Branches, Need, guide
-from gsedit.diffusion.sampler import add_noise, levels_of, sample
-from gsedit.diffusion.schedules import Schedule
-from gsedit.diffusion.settings import SamplerSettings
 from gsedit.errors import UsageError
+from gsedit.paper.diffusion.guidance import Branches, Need, guide
+from gsedit.paper.diffusion.sampler import add_noise, levels_of, sample
+from gsedit.paper.diffusion.schedules import Schedule
+from gsedit.paper.diffusion.settings import SamplerSettings
 from gsedit.paper.settings import EditSettings, Preset, find_preset
 
 EPS32 = torch.finfo(torch.float32).eps

@@ -14,10 +14,10 @@ from diffusers.schedulers.scheduling_flow_match_euler_discrete import (
     FlowMatchEulerDiscreteScheduler,
 )
 
-from gsedit.diffusion.flow import OTHER_LINES, FlowScheduler, check_spacing, empirical_mu
-from gsedit.diffusion.schedules import CLEAN
-from gsedit.diffusion.settings import SamplerSettings
 from gsedit.errors import InputError, UsageError
+from gsedit.paper.diffusion.flow import OTHER_LINES, FlowScheduler, check_spacing, empirical_mu
+from gsedit.paper.diffusion.schedules import CLEAN
+from gsedit.paper.diffusion.settings import SamplerSettings
 
 CONFIGS = {
     "static": {"shift": 3.0},

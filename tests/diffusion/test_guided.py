@@ -9,11 +9,11 @@ import torch
 from research.sampler.mixtures import mixture_problem, noised_draw
 from sampler_runs import SOLVERS, UNGUIDED, generator, run
 
-from gsedit.consistency.consensus import consensus
-from gsedit.diffusion.guided import branches_of
-from gsedit.diffusion.sampler import levels_of, sample
-from gsedit.diffusion.settings import SamplerSettings
 from gsedit.errors import UsageError
+from gsedit.paper.consistency.consensus import consensus
+from gsedit.paper.diffusion.guided import branches_of
+from gsedit.paper.diffusion.sampler import levels_of, sample
+from gsedit.paper.diffusion.settings import SamplerSettings
 
 GUIDED = replace(UNGUIDED, guidance_text=3.0, guidance_image=1.5, steps=6)
 

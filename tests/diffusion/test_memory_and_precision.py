@@ -10,15 +10,15 @@ import torch
 from closeness import NETWORK, assert_near
 from untrained_network import untrained_network
 
-from gsedit.diffusion import memory
-from gsedit.diffusion.guidance import Branches, Need
-from gsedit.diffusion.memory import peak_bytes, views_at_once
-from gsedit.diffusion.precision import MAX_ERROR, InBfloat16, relative_error, with_precision
-from gsedit.diffusion.schedules import Schedule
-from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editors import Capabilities, EditBatch
-from gsedit.editors.sampling import DiffusionEditor, prepared
 from gsedit.errors import UsageError
+from gsedit.paper.diffusion import memory
+from gsedit.paper.diffusion.guidance import Branches, Need
+from gsedit.paper.diffusion.memory import peak_bytes, views_at_once
+from gsedit.paper.diffusion.precision import MAX_ERROR, InBfloat16, relative_error, with_precision
+from gsedit.paper.diffusion.schedules import Schedule
+from gsedit.paper.diffusion.settings import SamplerSettings
+from gsedit.paper.editors import Capabilities, EditBatch
+from gsedit.paper.editors.sampling import DiffusionEditor, prepared
 
 
 def test_peak_is_what_is_held_at_one_time():

@@ -12,9 +12,9 @@ from research.sampler.mixtures import (
 )
 from sampler_runs import FLOW, SD, SOLVERS, TERMINAL, UNGUIDED, run
 
-from gsedit.diffusion.sampler import levels_of
-from gsedit.diffusion.settings import SamplerSettings
 from gsedit.errors import UsageError
+from gsedit.paper.diffusion.sampler import levels_of
+from gsedit.paper.diffusion.settings import SamplerSettings
 
 
 @pytest.mark.parametrize("solver", SOLVERS)

@@ -14,11 +14,11 @@ from research.sampler.mixtures import (
 )
 from sampler_runs import FLOW, SD, TERMINAL, UNGUIDED, generator, last, pair, rectified_flow, run
 
-from gsedit.diffusion.predictions import as_pair
-from gsedit.diffusion.sampler import levels_of, sample
-from gsedit.diffusion.schedules import CLEAN, Schedule, karras_sigmas
-from gsedit.diffusion.settings import SamplerSettings
 from gsedit.errors import UsageError
+from gsedit.paper.diffusion.predictions import as_pair
+from gsedit.paper.diffusion.sampler import levels_of, sample
+from gsedit.paper.diffusion.schedules import CLEAN, Schedule, karras_sigmas
+from gsedit.paper.diffusion.settings import SamplerSettings
 
 SCHEDULES = {
     "SD": SD,

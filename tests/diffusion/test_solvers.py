@@ -18,10 +18,10 @@ from research.sampler.mixtures import (
 )
 from sampler_runs import FLOW, SD, UNGUIDED, generator, last, pair, run
 
-from gsedit.diffusion.sampler import ancestral, levels_of, sample, straight_on
-from gsedit.diffusion.schedules import NoiseLevel, Schedule, karras_sigmas
-from gsedit.diffusion.settings import SamplerSettings
 from gsedit.errors import UsageError
+from gsedit.paper.diffusion.sampler import ancestral, levels_of, sample, straight_on
+from gsedit.paper.diffusion.schedules import NoiseLevel, Schedule, karras_sigmas
+from gsedit.paper.diffusion.settings import SamplerSettings
 
 
 def ladder(schedule: Schedule, steps: int) -> list[NoiseLevel]:

@@ -10,8 +10,8 @@ import torch
 
 import gsedit
 from gsedit.editing.plan import read_steps
-from gsedit.editors import make_editor
 from gsedit.errors import UsageError
+from gsedit.paper.editors import make_editor
 from gsedit.paper.settings import EditSettings
 from gsedit.select.finder import Names
 

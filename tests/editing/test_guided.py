@@ -5,9 +5,9 @@ from __future__ import annotations
 import torch
 from closeness import EPS32, assert_near
 
-from gsedit.datasets.image_ops import downscale
 from gsedit.measures.metrics import psnr
 from gsedit.paper.guided import carry_change
+from gsedit.views.image_ops import downscale
 
 WIDTH, HEIGHT = 90, 70
 SIZES = ((30, 20), (32, 25), (17, 13))

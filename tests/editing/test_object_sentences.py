@@ -11,12 +11,12 @@ from bench.staged import stage
 from changes import changed_by
 
 import gsedit
-from gsedit.datasets.dataset import Dataset, capture
-from gsedit.datasets.viewpoints import Viewpoint, viewpoints_of
 from gsedit.editing.preview import preview_exact
 from gsedit.scene.cache import SceneCache
 from gsedit.scene.picture import render_picture
 from gsedit.select.finder import Finder, Names
+from gsedit.views.dataset import Dataset, capture
+from gsedit.views.viewpoints import Viewpoint, viewpoints_of
 from gsedit.words.read import read_instruction
 
 STAGE = stage("meadow")

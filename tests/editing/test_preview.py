@@ -6,15 +6,15 @@ import pytest
 import torch
 from labelled import statue
 
-from gsedit.cameras.orbit import circle
-from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.editing.edit import change_steps
 from gsedit.editing.preview import preview_exact
 from gsedit.measures.metrics import psnr
 from gsedit.paper.settings import EditSettings
-from gsedit.runs.events import returned
+from gsedit.run.events import returned
 from gsedit.scene.picture import render_picture
 from gsedit.select.finder import Finder
+from gsedit.views.orbit import circle
+from gsedit.views.viewpoints import Viewpoint
 from gsedit.words.read import read_instruction
 
 SIZE = 48

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from gsedit.editors.command.editor import Command
+from gsedit.paper.editors.command.editor import Command
 
 
 @pytest.fixture
@@ -64,6 +64,6 @@ def folder(pipeline, tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="session")
 def model(folder):
-    from gsedit.models.loading import load_model
+    from gsedit.paper.models.loading import load_model
 
     return load_model(folder)

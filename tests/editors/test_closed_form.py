@@ -8,12 +8,12 @@ import pytest
 import torch
 from closeness import EPS32, assert_near
 
-from gsedit.consistency.correspond import Correspondences
-from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editors import EditBatch
-from gsedit.editors.closed_form import CODE, ClosedForm, Mixture, Perturbation
-from gsedit.editors.looks.recipe import LOOKS, VARIANTS, agreed_variant, parse
-from gsedit.editors.sampling import DiffusionEditor
+from gsedit.paper.consistency.correspond import Correspondences
+from gsedit.paper.diffusion.settings import SamplerSettings
+from gsedit.paper.editors import EditBatch
+from gsedit.paper.editors.closed_form import CODE, ClosedForm, Mixture, Perturbation
+from gsedit.paper.editors.looks.recipe import LOOKS, VARIANTS, agreed_variant, parse
+from gsedit.paper.editors.sampling import DiffusionEditor
 
 SIZE = 64
 UNPERTURBED = Perturbation(gain=0.0, hue=0.0, shift=0.0)

@@ -14,11 +14,11 @@ from programs import (
     run,
 )
 
-from gsedit.consistency.correspond import Correspondences
-from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editors import make_editor
-from gsedit.editors.command.editor import Command
 from gsedit.errors import GseditError, InputError, UsageError
+from gsedit.paper.consistency.correspond import Correspondences
+from gsedit.paper.diffusion.settings import SamplerSettings
+from gsedit.paper.editors import make_editor
+from gsedit.paper.editors.command.editor import Command
 
 # ---- what it is given ----------------------------------------------------------------------------
 

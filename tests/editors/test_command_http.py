@@ -13,7 +13,7 @@ from urllib.parse import parse_qs, urlsplit
 import pytest
 from PIL import Image, ImageOps
 
-from gsedit.editors.command.http import main
+from gsedit.paper.editors.command.http import main
 
 SIZE = (48, 32)
 WORKFLOW = {
@@ -128,7 +128,7 @@ def edited(folders):
 
 @pytest.mark.parametrize("name", ["openai", "sdcpp", "comfyui", "fastsd"])
 def test_every_picture_is_edited(folders, name, monkeypatch):
-    monkeypatch.setattr("gsedit.editors.command.http.POLL", 0.01)
+    monkeypatch.setattr("gsedit.paper.editors.command.http.POLL", 0.01)
     workflow = ["--workflow", str(folders / "flow.json")] if name == "comfyui" else []
     with serving() as (server, url):
         assert send(folders, name, url, *workflow) == 0

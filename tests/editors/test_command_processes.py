@@ -22,8 +22,8 @@ from programs import (
     run,
 )
 
+from gsedit.bench.synthetic import demo_scene
 from gsedit.errors import GseditError
-from gsedit.synthetic import demo_scene
 
 
 @needs_proc
@@ -47,7 +47,9 @@ def test_leaving_early_ends_the_program_and_its_children(program, tmp_path, how,
     if how == "close":
         steps.close()
     else:
-        monkeypatch.setattr("gsedit.editors.command.program.wait", lambda _: raise_interrupt())
+        monkeypatch.setattr(
+            "gsedit.paper.editors.command.program.wait", lambda _: raise_interrupt()
+        )
         with pytest.raises(KeyboardInterrupt):
             next(steps)
     assert ended([int(pid) for pid in pids.read_text().split()])
@@ -61,7 +63,7 @@ def raise_interrupt():
 @pytest.fixture
 def scene(tmp_path) -> Path:
     import gsedit
-    from gsedit.synthetic import surface_gaussians
+    from gsedit.bench.synthetic import surface_gaussians
 
     path = tmp_path / "bear.ply"
     gsedit.save(surface_gaussians(demo_scene(), 1000, torch.Generator().manual_seed(0)), path)

@@ -9,9 +9,9 @@ import tiny_edits
 import torch
 
 from gsedit import EditResult, Event, edit_steps
-from gsedit.diffusion.settings import SamplerSettings
 from gsedit.editing.edit import plan_edit
-from gsedit.editors.sampling import DiffusionEditor
+from gsedit.paper.diffusion.settings import SamplerSettings
+from gsedit.paper.editors.sampling import DiffusionEditor
 
 pytestmark = pytest.mark.usefixtures("offline")
 SETTINGS = replace(

@@ -8,8 +8,8 @@ from __future__ import annotations
 from closeness import slope_error
 from small_networks import random_network
 
-from gsedit.editors.closed_form import ClosedForm
-from gsedit.editors.small.editor import Small
+from gsedit.paper.editors.closed_form import ClosedForm
+from gsedit.paper.editors.small.editor import Small
 
 
 def test_closed_form():

@@ -7,9 +7,9 @@ import shlex
 import pytest
 import torch
 
-from gsedit.editors import make_masks
-from gsedit.editors.command.editor import MaskCommand
 from gsedit.errors import GseditError, InputError
+from gsedit.paper.editors import make_masks
+from gsedit.paper.editors.command.editor import MaskCommand
 
 RED = """
 import sys

@@ -9,9 +9,9 @@ import torch
 from closeness import NETWORK, assert_near
 from tiny_models import tiny_unet
 
-from gsedit.models import runtime
-from gsedit.models.runtime import in_torch
-from gsedit.models.stable_diffusion import _predicted
+from gsedit.paper.models import runtime
+from gsedit.paper.models.runtime import in_torch
+from gsedit.paper.models.stable_diffusion import _predicted
 
 if find_spec("openvino") is None:  # importing it here would start its telemetry, in processes
     pytest.skip("needs gsedit[openvino]", allow_module_level=True)

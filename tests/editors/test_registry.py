@@ -11,16 +11,16 @@ import pytest
 from gsedit_cli.main import app
 from typer.testing import CliRunner
 
-from gsedit.editors import (
+from gsedit.errors import GseditError, UsageError
+from gsedit.paper.editors import (
     Editor,
     list_editors,
     make_editor,
     registry,
 )
-from gsedit.errors import GseditError, UsageError
 
 THEIRS = '''
-from gsedit.editors import Capabilities
+from gsedit.paper.editors import Capabilities
 
 
 class Mirror:
@@ -64,7 +64,7 @@ def install(folder: Path, name: str, entries: str, code: str = "") -> None:
     info = folder / f"{name}-1.0.dist-info"
     info.mkdir()
     (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text(f"[gsedit.editors]\n{entries}\n")
+    (info / "entry_points.txt").write_text(f"[gsedit.paper.editors]\n{entries}\n")
     (folder / f"{name}.py").write_text(code)
 
 
@@ -106,7 +106,9 @@ def test_ours_are_listed_with_what_they_need():
 
 
 def test_listing_them_loads_no_torch():
-    code = "import sys, gsedit.editors as e; e.list_editors(); assert 'torch' not in sys.modules"
+    code = (
+        "import sys, gsedit.paper.editors as e; e.list_editors(); assert 'torch' not in sys.modules"
+    )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
@@ -147,7 +149,7 @@ def test_the_list_survives_them_all(packages):
     }
     assert "surely_not_installed" in found["torn"].needs[0]
     assert "taken" in found["pix2pix"].needs[0]  # ours has the right of way
-    assert make_editor.__module__ == "gsedit.editors.registry"
+    assert make_editor.__module__ == "gsedit.paper.editors.registry"
     result = gsedit("list", "editors", "--json")
     assert result.exit_code == 0, result.stderr
     lines = [json.loads(line) for line in result.stdout.splitlines()]

@@ -9,12 +9,12 @@ import pytest
 import torch
 import torch.nn.functional as F
 
-from gsedit.consistency.correspond import Correspondences
-from gsedit.diffusion.guidance import Branches
-from gsedit.diffusion.schedules import Schedule
-from gsedit.diffusion.settings import SamplerDefaults, SamplerSettings
-from gsedit.editors import Capabilities, EditBatch
-from gsedit.editors.sampling import DiffusionEditor, padded
+from gsedit.paper.consistency.correspond import Correspondences
+from gsedit.paper.diffusion.guidance import Branches
+from gsedit.paper.diffusion.schedules import Schedule
+from gsedit.paper.diffusion.settings import SamplerDefaults, SamplerSettings
+from gsedit.paper.editors import Capabilities, EditBatch
+from gsedit.paper.editors.sampling import DiffusionEditor, padded
 
 CELL = 2
 SD = Schedule.scaled_linear()

@@ -9,17 +9,17 @@ import torch
 from closeness import NETWORK, assert_near
 from small_networks import random_network
 
-from gsedit.diffusion.guided import predict_guided
-from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editors import EditBatch, make_editor
-from gsedit.editors.sampling import DiffusionEditor
-from gsedit.editors.small.editor import (
+from gsedit.bench.synthetic import demo_scene, ring_cameras
+from gsedit.errors import UsageError
+from gsedit.paper.diffusion.guided import predict_guided
+from gsedit.paper.diffusion.settings import SamplerSettings
+from gsedit.paper.editors import EditBatch, make_editor
+from gsedit.paper.editors.sampling import DiffusionEditor
+from gsedit.paper.editors.small.editor import (
     Small,
     SmallEditor,
 )
-from gsedit.editors.small.network import CELL_PIXELS, CHANNELS
-from gsedit.errors import UsageError
-from gsedit.synthetic import demo_scene, ring_cameras
+from gsedit.paper.editors.small.network import CELL_PIXELS, CHANNELS
 from gsedit.words.looks import LOOKS
 
 SETTINGS = SamplerSettings(steps=2)

@@ -7,8 +7,8 @@ import torch
 from closeness import NETWORK, assert_near
 from small_networks import TINY, random_network
 
-from gsedit.editors.small.editor import Small
-from gsedit.editors.small.network import CHANNELS, SmallNetwork
+from gsedit.paper.editors.small.editor import Small
+from gsedit.paper.editors.small.network import CHANNELS, SmallNetwork
 
 
 @pytest.fixture(scope="module")

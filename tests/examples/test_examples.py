@@ -18,11 +18,11 @@ from scenes import random_cloud
 from write_an_editor import Fade, run
 
 import gsedit
-from gsedit.cameras.orbit import circle
-from gsedit.datasets.viewpoints import Viewpoint
-from gsedit.editors import Editor
-from gsedit.fitting.settings import UpdateSettings
+from gsedit.capture.fitting.settings import UpdateSettings
+from gsedit.paper.editors import Editor
 from gsedit.paper.strategies.single_pass import SinglePass
+from gsedit.views.orbit import circle
+from gsedit.views.viewpoints import Viewpoint
 
 
 def test_the_demo_leaves_its_folder(tmp_path):

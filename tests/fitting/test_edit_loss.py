@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 import torch
 
+from gsedit.capture.fitting.edit_loss import check_installed, edit_loss
+from gsedit.capture.fitting.settings import LossTerm, UpdateSettings
 from gsedit.errors import UsageError
-from gsedit.fitting.edit_loss import check_installed, edit_loss
-from gsedit.fitting.settings import LossTerm, UpdateSettings
 from gsedit.measures.features import FilterBank
 from gsedit.measures.losses import dssim, gram_loss, l1, mse
 from gsedit.measures.perceptual import is_installed, perceptual_distance

@@ -9,8 +9,8 @@ import torch
 from research.fit import captures
 
 from gsedit import FitSettings, View, fit
-from gsedit.fitting.exposure import Exposures
-from gsedit.synthetic.gallery import globe
+from gsedit.bench.synthetic.gallery import globe
+from gsedit.capture.fitting.exposure import Exposures
 from rasterizer import look_at
 
 CAMERA = look_at(torch.tensor([0.0, -3.0, 0.0]), torch.zeros(3), torch.tensor([0.0, 0.0, 1.0]),

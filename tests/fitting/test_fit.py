@@ -9,13 +9,13 @@ import torch
 from point_clouds import ball
 
 from gsedit import Checkpoint, Event, FitSettings, fit, fit_steps
+from gsedit.bench.synthetic import ring_cameras, scenes, traced_dataset
+from gsedit.capture.fitting.budget import LEAST_STEPS
+from gsedit.capture.fitting.densify import densify, faded
+from gsedit.capture.fitting.fit import evaluate
+from gsedit.capture.fitting.initial import initial_scene, neighbor_distance
+from gsedit.capture.fitting.optimizer import SceneOptimizer
 from gsedit.errors import UsageError
-from gsedit.fitting.budget import LEAST_STEPS
-from gsedit.fitting.densify import densify, faded
-from gsedit.fitting.fit import evaluate
-from gsedit.fitting.initial import initial_scene, neighbor_distance
-from gsedit.fitting.optimizer import SceneOptimizer
-from gsedit.synthetic import ring_cameras, scenes, traced_dataset
 from rasterizer import render
 from rasterizer.project import rotation_matrices
 
@@ -109,7 +109,7 @@ def test_the_first_scene_is_the_sparse_points():
 
 
 def test_densify_divides_the_strongest_and_drops_the_transparent(monkeypatch):
-    monkeypatch.setattr("gsedit.fitting.densify.MOST_DIVIDED", 10 / 90)
+    monkeypatch.setattr("gsedit.capture.fitting.densify.MOST_DIVIDED", 10 / 90)
     scene = ball(100)
     logits = scene.logit_opacities.clone()
     logits[:10] = -20.0
@@ -125,7 +125,7 @@ def test_densify_divides_the_strongest_and_drops_the_transparent(monkeypatch):
 
 
 def test_two_halves_have_the_mass_the_mean_and_the_covariance_of_the_whole(monkeypatch):
-    monkeypatch.setattr("gsedit.fitting.densify.MOST_DIVIDED", 1.0)
+    monkeypatch.setattr("gsedit.capture.fitting.densify.MOST_DIVIDED", 1.0)
     scene = ball(5)
     longer = scene.log_scales + torch.tensor([0.0, 1.0, -0.5])
     scene = replace(scene, log_scales=longer, quats=torch.randn(5, 4, generator=generator()))

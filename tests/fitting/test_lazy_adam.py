@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 import torch
 
-from gsedit.fitting import lazy_adam
-from gsedit.fitting.optimizer import SceneOptimizer
+from gsedit.capture.fitting import lazy_adam
+from gsedit.capture.fitting.optimizer import SceneOptimizer
 from rasterizer import Gaussians
 
 RATES = {"sh": 2.5e-2, "logit_opacities": 5e-3}

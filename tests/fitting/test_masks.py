@@ -8,16 +8,16 @@ import pytest
 import torch
 
 from gsedit import Dataset, FitSettings, View, fit
-from gsedit.datasets.dataset import capture
+from gsedit.bench.synthetic import demo_scene, ring_cameras, surface_gaussians
+from gsedit.capture.fitting.fit import evaluate
+from gsedit.capture.fitting.optimizer import SceneOptimizer
+from gsedit.capture.fitting.photometric import supervised
+from gsedit.capture.fitting.settings import UpdateSettings
+from gsedit.capture.fitting.update import Target, rates, update_steps
 from gsedit.errors import UsageError
-from gsedit.fitting.fit import evaluate
-from gsedit.fitting.optimizer import SceneOptimizer
-from gsedit.fitting.photometric import supervised
-from gsedit.fitting.settings import UpdateSettings
-from gsedit.fitting.update import Target, rates, update_steps
 from gsedit.measures import losses
 from gsedit.measures.features import FilterBank
-from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
+from gsedit.views.dataset import capture
 from rasterizer import render
 
 SIZE = 64
@@ -123,11 +123,11 @@ def test_a_transparent_photo_asks_for_a_transparent_scene(scene, views):
 
 
 def test_metrics_leave_out_masked_pixels(scene, views):
-    from gsedit.datasets.view_list_files import by_capture
-    from gsedit.datasets.viewpoints import viewpoints_of
     from gsedit.measures.evaluation import evaluate as evaluation
     from gsedit.measures.evaluation_input import EvaluationInput
     from gsedit.measures.metrics import NEAREST
+    from gsedit.views.view_list_files import by_capture
+    from gsedit.views.viewpoints import viewpoints_of
 
     photos = painted(views[:3], 0)
     hidden = torch.zeros(SIZE, SIZE, dtype=torch.bool)

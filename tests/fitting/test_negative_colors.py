@@ -7,11 +7,11 @@ from dataclasses import replace
 import torch
 
 from gsedit import View
-from gsedit.fitting.optimizer import SceneOptimizer
-from gsedit.fitting.settings import UpdateSettings
-from gsedit.fitting.update import Target, rates, update_steps
+from gsedit.bench.synthetic import demo_scene, ring_cameras, surface_gaussians
+from gsedit.capture.fitting.optimizer import SceneOptimizer
+from gsedit.capture.fitting.settings import UpdateSettings
+from gsedit.capture.fitting.update import Target, rates, update_steps
 from gsedit.measures.features import FilterBank
-from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
 from rasterizer import render
 from rasterizer.numerics import SH_DC
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import torch
 
-from gsedit.fitting import photometric
+from gsedit.capture.fitting import photometric
 from gsedit.measures import losses
 
 SHAPES = [(6, 6, 3), (6, 31, 3), (37, 6, 3), (13, 12, 3), (2, 4, 20, 17, 3)]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from gsedit import Dataset, FitSettings, fit
+from gsedit.bench.synthetic import ring_cameras, scenes, traced_dataset
 from gsedit.errors import UsageError
-from gsedit.synthetic import ring_cameras, scenes, traced_dataset
 
 
 def test_a_photo_too_small_for_the_loss_is_refused_and_fitted_without_ssim():

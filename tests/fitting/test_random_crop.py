@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import torch
 
-from gsedit.fitting.random_crops import random_crop
-from gsedit.synthetic import demo_scene, ring_cameras
+from gsedit.bench.synthetic import demo_scene, ring_cameras
+from gsedit.capture.fitting.random_crops import random_crop
 
 
 def camera(width, height):

@@ -8,9 +8,9 @@ import pytest
 import torch
 
 from gsedit import Checkpoint, Event, FitSettings, fit_steps
+from gsedit.bench.synthetic import ring_cameras, scenes, traced_dataset
 from gsedit.errors import InputError, UsageError
-from gsedit.runs.state import load_state, save_state
-from gsedit.synthetic import ring_cameras, scenes, traced_dataset
+from gsedit.run.state import load_state, save_state
 
 SETTINGS = FitSettings(
     steps=24,

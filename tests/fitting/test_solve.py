@@ -7,9 +7,9 @@ import pytest
 import torch
 from closeness import EPS32, assert_near
 
-from gsedit.datasets.dataset import View
-from gsedit.fitting.solve import fit_color_map, solve_colors
-from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
+from gsedit.bench.synthetic import demo_scene, ring_cameras, surface_gaussians
+from gsedit.capture.fitting.solve import fit_color_map, solve_colors
+from gsedit.views.dataset import View
 from rasterizer.color_weights import color_weights
 from rasterizer.numerics import SH_DC, Execution, color_to_sh, sh_to_color
 from rasterizer.render import backproject, render

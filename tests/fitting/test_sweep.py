@@ -8,8 +8,8 @@ import pytest
 import torch
 from scipy.spatial import KDTree
 
-from gsedit.fitting.initial import initial_scene, swept_points
-from gsedit.synthetic import ring_cameras, scenes, traced_dataset
+from gsedit.bench.synthetic import ring_cameras, scenes, traced_dataset
+from gsedit.capture.fitting.initial import initial_scene, swept_points
 
 
 def generator() -> torch.Generator:

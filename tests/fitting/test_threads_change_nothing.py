@@ -12,11 +12,11 @@ import pytest
 import torch
 
 from gsedit import FitSettings, fit
-from gsedit.fitting.optimizer import SceneOptimizer
-from gsedit.fitting.settings import UpdateSettings
-from gsedit.fitting.update import Target, rates, update_steps
+from gsedit.bench.synthetic import demo_scene, ring_cameras, surface_gaussians, traced_dataset
+from gsedit.capture.fitting.optimizer import SceneOptimizer
+from gsedit.capture.fitting.settings import UpdateSettings
+from gsedit.capture.fitting.update import Target, rates, update_steps
 from gsedit.measures.features import FilterBank
-from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians, traced_dataset
 from rasterizer import Execution
 from rasterizer.blending.choose import is_compiled
 

@@ -15,7 +15,7 @@ from gsedit.formats.ply.inria import columns
 from gsedit.formats.ply.records import element_blocks, read_ply_header
 from gsedit.formats.registry import open_scene
 from gsedit.formats.scenes import load, read_scene, save
-from gsedit.storage.atomic import atomic_path
+from gsedit.run.atomic import atomic_path
 from rasterizer import Gaussians
 
 

@@ -9,7 +9,7 @@ import torch
 from safetensors.torch import save_file
 
 from gsedit.errors import GseditError, InputError, UsageError
-from gsedit.runs.state import FORMAT, KEY, State, load_state, restoring, save_state
+from gsedit.run.state import FORMAT, KEY, State, load_state, restoring, save_state
 
 DEEP = "[" * 100000 + "]" * 100000
 RECORDS = ["null", "[]", "3", '"text"', "{", DEEP] + [

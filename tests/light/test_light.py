@@ -10,11 +10,11 @@ import torch
 from changes import painted
 from plain_scenes import discs, ring
 
-from gsedit.cameras.place import light_note, place_of
+from gsedit.change.light.named import LIGHTS, Fog, Lamp, LightSetup, Sun, setup_of
+from gsedit.change.light.relight import relit
 from gsedit.errors import UsageError
-from gsedit.light.named import LIGHTS, Fog, Lamp, LightSetup, Sun, setup_of
-from gsedit.light.relight import relit
 from gsedit.select.region import everything
+from gsedit.views.place import light_note, place_of
 from gsedit.words.instruction import Change
 from rasterizer.numerics import color_to_sh, sh_to_color
 from rasterizer.scene import Gaussians, concatenate

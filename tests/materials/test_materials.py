@@ -13,16 +13,16 @@ from bench.reflective import Finish, LitSolid, captured, garden, plain_base
 from changes import Known, changed_by, painted
 from plain_scenes import needles, same_bits
 
+from gsedit.bench.synthetic import ring_cameras, scenes
+from gsedit.change.materials.apply import Relief, displayed, engraved, fitted, in_material
+from gsedit.change.materials.named import material_of
+from gsedit.change.materials.patterns import Ground, share_of
+from gsedit.change.materials.shading import environment_brdf
+from gsedit.change.materials.table import MATERIALS, Layer, Material, PatternName
 from gsedit.errors import UsageError
-from gsedit.materials.apply import Relief, displayed, engraved, fitted, in_material
-from gsedit.materials.named import material_of
-from gsedit.materials.patterns import Ground, share_of
-from gsedit.materials.shading import environment_brdf
-from gsedit.materials.table import MATERIALS, Layer, Material, PatternName
 from gsedit.scene.picture import render_picture
 from gsedit.scene.quaternions import even_directions
-from gsedit.surface.normals import rows_near
-from gsedit.synthetic import ring_cameras, scenes
+from gsedit.views.normals import rows_near
 from gsedit.words.read import read_instruction
 from rasterizer import Camera
 from rasterizer.harmonics import basis

@@ -8,14 +8,14 @@ import pytest
 import torch
 from bench.staged import stages
 
-from gsedit.datasets.view_list_files import ViewList
-from gsedit.datasets.viewpoints import Viewpoint
+from gsedit.bench.synthetic import demo_scene, ring_cameras, surface_gaussians
 from gsedit.measures.evaluation import evaluate
 from gsedit.measures.evaluation_input import EvaluationInput
 from gsedit.measures.metrics import psnr
 from gsedit.scene.picture import render_picture
 from gsedit.select.region import Region, coverage
-from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
+from gsedit.views.view_list_files import ViewList
+from gsedit.views.viewpoints import Viewpoint
 from rasterizer.numerics import SH_DC
 
 SIZE = 40

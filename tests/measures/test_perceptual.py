@@ -12,6 +12,7 @@ import kornia
 import pytest
 import torch
 
+from gsedit.bench.synthetic import demo_scene, ring_cameras
 from gsedit.errors import InputError, UsageError
 from gsedit.measures import metrics, perceptual
 from gsedit.measures.perceptual import (
@@ -24,7 +25,6 @@ from gsedit.measures.perceptual import (
     standardised,
     vgg_features,
 )
-from gsedit.synthetic import demo_scene, ring_cameras
 
 EPS32 = torch.finfo(torch.float32).eps
 needs_weights = pytest.mark.skipif(

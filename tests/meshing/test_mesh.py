@@ -12,11 +12,11 @@ import torch
 from command_line import gsedit
 
 from gsedit import load, save
-from gsedit.datasets.cameras_json import write_cameras
-from gsedit.datasets.viewpoints import Viewpoint
+from gsedit.bench.synthetic import ring_cameras, scenes, surface_gaussians
 from gsedit.errors import UsageError
-from gsedit.meshing import Mesh, mesh, save_mesh
-from gsedit.synthetic import ring_cameras, scenes, surface_gaussians
+from gsedit.mesh import Mesh, mesh, save_mesh
+from gsedit.views.cameras_json import write_cameras
+from gsedit.views.viewpoints import Viewpoint
 from rasterizer.scene import Gaussians, concatenate
 
 COUNT = 4000

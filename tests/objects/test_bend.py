@@ -7,12 +7,12 @@ import pytest
 import torch
 from plain_scenes import same_bits
 
+from gsedit.change.objects.bending.bend import Handle, bend, carried
 from gsedit.errors import UsageError
-from gsedit.objects.bending.bend import Handle, bend, carried
 from gsedit.scene.quaternions import axis_rotation, rotate_sh, rotate_sh_each
 from gsedit.scene.similarity import Similarity
-from gsedit.surface.depth import point_at
 from gsedit.toolkit.transform import transform
+from gsedit.views.depth import point_at
 from rasterizer.camera import look_at
 from rasterizer.harmonics import basis
 from rasterizer.project import rotation_matrices

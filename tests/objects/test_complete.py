@@ -5,8 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gsedit.objects.removal.complete import best_labels, complete, pixel_pairs, solve_membrane
-from gsedit.objects.removal.sheet import find_shade
+from gsedit.change.objects.removal.complete import (
+    best_labels,
+    complete,
+    pixel_pairs,
+    solve_membrane,
+)
+from gsedit.change.objects.removal.sheet import find_shade
 
 ROWS, COLUMNS = np.mgrid[:64, :64]
 HOLE = (ROWS - 33) ** 2 / 15**2 + (COLUMNS - 30) ** 2 / 12**2 < 1

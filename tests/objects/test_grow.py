@@ -7,15 +7,15 @@ import torch
 from bench.staged import stage as stage_of
 from plain_scenes import all_finite, same_bits
 
-from gsedit.cameras.orbit import orbit
+from gsedit.bench.synthetic.paint import plain
+from gsedit.bench.synthetic.scene import SyntheticScene
+from gsedit.bench.synthetic.shapes import cylinder, sphere, translate, union
+from gsedit.bench.synthetic.splats import surface_gaussians
+from gsedit.change.objects.growth.grow import MOST_NEW, grow
+from gsedit.change.objects.growth.table import GROWTHS
 from gsedit.errors import UsageError
-from gsedit.objects.growth.grow import MOST_NEW, grow
-from gsedit.objects.growth.table import GROWTHS
-from gsedit.objects.outcome import NEW
-from gsedit.synthetic.paint import plain
-from gsedit.synthetic.scene import SyntheticScene
-from gsedit.synthetic.shapes import cylinder, sphere, translate, union
-from gsedit.synthetic.splats import surface_gaussians
+from gsedit.scene.outcome import NEW
+from gsedit.views.orbit import orbit
 from rasterizer.camera import look_at
 from rasterizer.render import render
 

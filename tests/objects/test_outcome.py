@@ -5,11 +5,11 @@ from dataclasses import replace
 import pytest
 import torch
 
+from gsedit.bench.synthetic.gallery import globe
+from gsedit.bench.synthetic.splats import surface_gaussians
+from gsedit.change.objects import Handle, Placement, bend, grow, insert, place, remove
 from gsedit.errors import UsageError
-from gsedit.objects import Handle, Placement, bend, grow, insert, place, remove
-from gsedit.objects.outcome import NEW, Outcome, same
-from gsedit.synthetic.gallery import globe
-from gsedit.synthetic.splats import surface_gaussians
+from gsedit.scene.outcome import NEW, Outcome, same
 
 
 def scene_of(count):

@@ -11,15 +11,15 @@ import torch
 from bench.staged import stage
 from plain_scenes import cloud, same_bits
 
-from gsedit.cameras.place import place_of
+from gsedit.change.objects import Placement, RelativePlace, insert, place, remove
+from gsedit.change.objects.placing.daylight import Daylight, Sun, shaded, sun_of
+from gsedit.change.objects.placing.insert import main_object
+from gsedit.change.objects.placing.stance import stance_of
 from gsedit.errors import UsageError
-from gsedit.objects import Placement, RelativePlace, insert, place, remove
-from gsedit.objects.outcome import NEW, same
-from gsedit.objects.placing.daylight import Daylight, Sun, shaded, sun_of
-from gsedit.objects.placing.insert import main_object
-from gsedit.objects.placing.stance import stance_of
+from gsedit.scene.outcome import NEW, same
 from gsedit.scene.similarity import IDENTITY
 from gsedit.scene.table import gaussians_of, table_of
+from gsedit.views.place import place_of
 from rasterizer.numerics import sh_to_color
 
 HEIGHT = 0.54

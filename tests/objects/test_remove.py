@@ -13,12 +13,12 @@ from bench.staged import stage
 from plain_scenes import cloud, same_bits
 from torch import Tensor
 
-from gsedit.cameras.orbit import circle
+from gsedit.change.objects import remove
+from gsedit.change.objects.removal.remains import mirrored_under, resting_on
 from gsedit.errors import UsageError
-from gsedit.objects import remove
-from gsedit.objects.outcome import Outcome
-from gsedit.objects.removal.remains import mirrored_under, resting_on
+from gsedit.scene.outcome import Outcome
 from gsedit.select.region import Region, coverage
+from gsedit.views.orbit import circle
 from rasterizer.camera import Camera
 from rasterizer.render import render
 from rasterizer.scene import Gaussians, concatenate

@@ -8,8 +8,8 @@ import torch
 from PIL import Image
 
 from gsedit import write_view
+from gsedit.bench.synthetic import demo_scene, ring_cameras, surface_gaussians
 from gsedit.errors import UsageError
-from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
 from rasterizer import render
 
 

@@ -9,8 +9,8 @@ import pytest
 import torch
 
 from gsedit.bench.renderer.accuracy import differentiate, relative, with_pose
-from gsedit.consistency.correspond import match
-from gsedit.synthetic import ring_cameras, scenes, surface_gaussians
+from gsedit.bench.synthetic import ring_cameras, scenes, surface_gaussians
+from gsedit.paper.consistency.correspond import match
 from rasterizer import Execution, render
 from rasterizer.reference import render_reference
 

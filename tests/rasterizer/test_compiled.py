@@ -13,7 +13,7 @@ import torch
 from closeness import leaves, relative, tensors, weights_like
 from scenes import cloud
 
-from gsedit.fitting import lazy_adam
+from gsedit.capture.fitting import lazy_adam
 from rasterizer import Execution, Numerics, render, tiles
 from rasterizer import compiled as library
 from rasterizer.blending import cpp_backend as compiled

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 import torch
 
-from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
+from gsedit.bench.synthetic import demo_scene, ring_cameras, surface_gaussians
 from rasterizer import render
 from rasterizer.pixel_lists import blend, pixel_lists, shown_rows
 from rasterizer.project import view_dependent_colors

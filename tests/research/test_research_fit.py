@@ -11,7 +11,7 @@ from research.fit import captures, run
 from research.fit.gsplat_recipe import GsplatSettings, gsplat_fit
 
 from gsedit import FitSettings, load_dataset
-from gsedit.synthetic.gallery import globe
+from gsedit.bench.synthetic.gallery import globe
 
 SIZE, VIEWS, POINTS = 32, 9, 200
 

@@ -7,10 +7,10 @@ from research.paper.observe import OWN, Observed, Observer
 from three_scenes import Swapped
 
 from gsedit import Dataset, EditSettings, edit_steps
-from gsedit.datasets.dataset import capture
-from gsedit.editor_protocol import Capabilities
+from gsedit.bench.synthetic import demo_scene, ring_cameras, surface_gaussians
+from gsedit.paper.protocol import Capabilities
 from gsedit.paper.strategies.single_pass import SinglePass
-from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
+from gsedit.views.dataset import capture
 
 
 class Unknown(Swapped):

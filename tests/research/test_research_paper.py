@@ -19,9 +19,9 @@ from research.paper.runs import Arm, Case, Record, Run, read_record
 from research.paper.studies import FULL, QUICK, Study, distinct, studies
 from research.paper.varied import Varied
 
-from gsedit.diffusion.sampler import levels_of
-from gsedit.editors import EditBatch
-from gsedit.editors.sampling import DiffusionEditor
+from gsedit.paper.diffusion.sampler import levels_of
+from gsedit.paper.editors import EditBatch
+from gsedit.paper.editors.sampling import DiffusionEditor
 from gsedit.paper.settings import PRESETS
 
 CASE = Case("globe", "make it night", 32, 1, 32, 150, 9)

@@ -10,9 +10,9 @@ from research.strategies.sds import Sds
 from tiny_edits import PROMPT, SETTINGS, Watched, data, run, scene
 
 from gsedit import edit
-from gsedit.editors.command.editor import Command
 from gsedit.errors import UsageError
 from gsedit.measures.metrics import psnr
+from gsedit.paper.editors.command.editor import Command
 
 ALL = torch.ones(len(scene()), dtype=torch.bool)
 

@@ -8,8 +8,8 @@ from command_line import read_events
 
 from gsedit import Event
 from gsedit.pictures.figures import curves, spans, table
-from gsedit.runs.events import as_record
-from gsedit.runs.json_lines import Journal
+from gsedit.run.events import as_record
+from gsedit.run.json_lines import Journal
 
 EVENTS = [
     Event("render", 1.0, note="8 views"),

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 
-from gsedit.runs.json_lines import plain, write_line
+from gsedit.run.json_lines import plain, write_line
 
 
 @dataclass(frozen=True)

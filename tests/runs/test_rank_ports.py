@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from gsedit.runs.ranks import variables_of
+from gsedit.run.ranks import variables_of
 
 MEETS = """
 import os
 from contextlib import suppress
-from gsedit.runs.ranks import join
+from gsedit.run.ranks import join
 
 here = join()
 here.first(None)

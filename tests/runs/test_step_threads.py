@@ -7,8 +7,8 @@ from itertools import pairwise
 import pytest
 import torch
 
-from gsedit.runs import step_threads
-from gsedit.runs.step_threads import HOLDS_S, LEAST_WAITING, WINDOW_S, StepThreads
+from gsedit.run import step_threads
+from gsedit.run.step_threads import HOLDS_S, LEAST_WAITING, WINDOW_S, StepThreads
 
 COUNT = 4
 

@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 import torch
 
+from gsedit.bench.synthetic import demo_scene, surface_gaussians
 from gsedit.scene.cache import SceneCache, cached_per_scene
-from gsedit.synthetic import demo_scene, surface_gaussians
 from rasterizer.scene import Gaussians
 
 

@@ -10,10 +10,10 @@ import torch
 from changes import painted
 from plain_scenes import cloud, discs, ring
 
+from gsedit.change.light.present import survey
+from gsedit.change.scenery.named import SCENERIES, autumn, in_scenery, snow
+from gsedit.change.scenery.setting import Setting
 from gsedit.errors import UsageError
-from gsedit.light.present import survey
-from gsedit.scenery.named import SCENERIES, autumn, in_scenery, snow
-from gsedit.scenery.setting import Setting
 from gsedit.words.instruction import Change
 from rasterizer.harmonics import colors
 from rasterizer.numerics import color_to_sh, sh_to_color

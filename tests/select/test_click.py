@@ -9,14 +9,14 @@ import torch
 from playroom import playroom
 from regions_iou import iou
 
+from gsedit.bench.synthetic.paint import plain
+from gsedit.bench.synthetic.scene import SyntheticScene
+from gsedit.bench.synthetic.shapes import box, cylinder, smooth_union, translate, union
+from gsedit.bench.synthetic.splats import surface_gaussians
+from gsedit.change.objects import Click, Selector
 from gsedit.errors import UsageError
-from gsedit.objects import Click, Selector
 from gsedit.select import surfaces
 from gsedit.select.region import Region, coverage, in_one_color
-from gsedit.synthetic.paint import plain
-from gsedit.synthetic.scene import SyntheticScene
-from gsedit.synthetic.shapes import box, cylinder, smooth_union, translate, union
-from gsedit.synthetic.splats import surface_gaussians
 from rasterizer import render
 from rasterizer.scene import concatenate
 

@@ -10,14 +10,14 @@ import torch
 from PIL import Image
 from point_clouds import cloud
 
-from gsedit.cameras.orbit import circle
-from gsedit.datasets.undistort import Lens, undistort, undistortion
-from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.editing.rivals import SeveralObjects, check_alone
 from gsedit.select.finder import LEAST, remembered
 from gsedit.select.masked import read_masks
 from gsedit.select.region import Region
 from gsedit.select.segment import Segment, Segments
+from gsedit.views.orbit import circle
+from gsedit.views.undistort import Lens, undistort, undistortion
+from gsedit.views.viewpoints import Viewpoint
 
 UP = torch.tensor([0.0, 0.0, 1.0], dtype=torch.float64)
 RING = circle(0 * UP, 3.0, UP, 4, 32, elevation=20.0, fov=45.0)

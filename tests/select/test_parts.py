@@ -11,16 +11,16 @@ import torch
 from playroom import playroom
 from regions_iou import iou
 
-from gsedit.cameras.orbit import circle
-from gsedit.objects import Click, Selector
+from gsedit.bench.synthetic.paint import checker, mix, plain
+from gsedit.bench.synthetic.paint import parts as painted
+from gsedit.bench.synthetic.scene import SyntheticScene
+from gsedit.bench.synthetic.shapes import box, cylinder, smooth_union, sphere, translate, union
+from gsedit.bench.synthetic.splats import surface_gaussians
+from gsedit.change.objects import Click, Selector
 from gsedit.select import parts as rules
 from gsedit.select.parts import parts
 from gsedit.select.surfaces import Surfaces, look
-from gsedit.synthetic.paint import checker, mix, plain
-from gsedit.synthetic.paint import parts as painted
-from gsedit.synthetic.scene import SyntheticScene
-from gsedit.synthetic.shapes import box, cylinder, smooth_union, sphere, translate, union
-from gsedit.synthetic.splats import surface_gaussians
+from gsedit.views.orbit import circle
 
 GREY = plain((0.5, 0.5, 0.5))
 CHECKERED = mix(GREY, plain((0.6, 0.6, 0.45)), checker(0.1))

@@ -12,7 +12,6 @@ from PIL import Image
 from regions_iou import iou
 
 from gsedit import View
-from gsedit.cameras.orbit import circle
 from gsedit.errors import InputError, UsageError
 from gsedit.formats.flags import read_flags
 from gsedit.paper.edit_views import find_changed
@@ -32,6 +31,7 @@ from gsedit.select.region import (
 )
 from gsedit.select.surfaces import neighbors, smooth
 from gsedit.select.where import check_region, expression_of, expression_of_clicks
+from gsedit.views.orbit import circle
 from rasterizer import render
 
 SIZE = 48

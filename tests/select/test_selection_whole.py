@@ -10,12 +10,12 @@ import torch
 from splat_tables import random_table
 
 from gsedit import View
-from gsedit.datasets.cameras_json import read_cameras, write_cameras
 from gsedit.errors import InputError, UsageError
 from gsedit.scene.table import SplatTable, gaussians_of
 from gsedit.select import Finder
 from gsedit.select.rules import cluster, cluster_labels, grow, middle, shrink
 from gsedit.toolkit import filter, select, where
+from gsedit.views.cameras_json import read_cameras, write_cameras
 from rasterizer import Camera, look_at
 
 CAMERA = {

@@ -11,12 +11,12 @@ import torch
 from labelled import statue
 from regions_iou import iou
 
-from gsedit.cameras.orbit import circle
 from gsedit.errors import InputError
 from gsedit.select.region import Region, coverage, lift
 from gsedit.select.saliency import SIDE, load_network, salient
 from gsedit.select.subject import block_under, border_opacity, find_subject
 from gsedit.select.surfaces import look
+from gsedit.views.orbit import circle
 
 SIZE = 64
 ONNX = Path(__file__).parents[3] / "shared/data/weights/u2netp.onnx"

@@ -11,11 +11,11 @@ from pathlib import Path
 import pytest
 
 from gsedit.errors import GseditError, UsageError
-from gsedit.storage.atomic import atomic_path, is_temporary, locked, remove_temporaries
+from gsedit.run.atomic import atomic_path, is_temporary, locked, remove_temporaries
 
 LEFT = """
 import os, sys
-from gsedit.storage.atomic import atomic_path
+from gsedit.run.atomic import atomic_path
 with atomic_path(sys.argv[1]) as temporary:
     temporary.write_text("half")
     os._exit(9)
@@ -117,7 +117,7 @@ def test_a_full_disk_is_a_failure_and_no_wrong_request(code, kind, tmp_path):
 def test_one_process_works_on_an_output(tmp_path):
     path = tmp_path / "new" / "out.safetensors"
     code = (
-        "from gsedit.storage.atomic import locked; from pathlib import Path; "
+        "from gsedit.run.atomic import locked; from pathlib import Path; "
         f"held = locked(Path({str(path)!r})); held.__enter__()"
     )
     with locked(path):

@@ -9,12 +9,9 @@ import pytest
 from bad_files import dataset, write
 
 from gsedit import load_dataset
-from gsedit.datasets.cameras_json import read_cameras
-from gsedit.datasets.export_frame import applied_by, read_dataparser
-from gsedit.datasets.view_list_files import read_view_list
 from gsedit.editing.folder import history_of
 from gsedit.errors import InputError
-from gsedit.storage.json_files import (
+from gsedit.run.json_files import (
     MAX_BYTES,
     list_of,
     number,
@@ -24,6 +21,9 @@ from gsedit.storage.json_files import (
     read_json,
     text,
 )
+from gsedit.views.cameras_json import read_cameras
+from gsedit.views.export_frame import applied_by, read_dataparser
+from gsedit.views.view_list_files import read_view_list
 
 FRAMES = object_of({"frames": list_of(object_of({"fl_x": number(1.0, 9.0)}, {"name": text()}))})
 CAMERA = {

@@ -10,11 +10,11 @@ import pytest
 import torch
 
 from gsedit import View
-from gsedit.datasets.cameras_json import read_cameras
-from gsedit.datasets.view_list_files import read_view_list
-from gsedit.datasets.view_pictures import write_view_pictures
 from gsedit.errors import InputError
-from gsedit.storage.safe_names import picture_names, safe_name
+from gsedit.run.safe_names import picture_names, safe_name
+from gsedit.views.cameras_json import read_cameras
+from gsedit.views.view_list_files import read_view_list
+from gsedit.views.view_pictures import write_view_pictures
 from rasterizer import look_at
 
 ENTRY = {

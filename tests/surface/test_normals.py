@@ -8,9 +8,9 @@ import pytest
 import torch
 from plain_scenes import needles
 
-from gsedit.surface.normals import estimate_normals, normals_of_depth
-from gsedit.synthetic import ring_cameras, scenes, surface_gaussians
-from gsedit.synthetic.shapes import gradient
+from gsedit.bench.synthetic import ring_cameras, scenes, surface_gaussians
+from gsedit.bench.synthetic.shapes import gradient
+from gsedit.views.normals import estimate_normals, normals_of_depth
 from rasterizer.camera import look_at
 
 COUNT = 3000

@@ -9,8 +9,8 @@ from plain_scenes import cloud
 
 from gsedit.scene.color_space import linear_of_srgb
 from gsedit.scene.quaternions import even_directions
-from gsedit.surface import surroundings as light
-from gsedit.surface.surroundings import cell_areas, cell_directions, halved, look_up
+from gsedit.views import surroundings as light
+from gsedit.views.surroundings import cell_areas, cell_directions, halved, look_up
 from rasterizer.scene import Gaussians, concatenate
 
 SKY = 3000

@@ -7,10 +7,10 @@ import pytest
 import torch
 from scipy.spatial import ConvexHull
 
+from gsedit.bench.synthetic import demo_scene, ring_cameras, surface_gaussians
 from gsedit.errors import UsageError
-from gsedit.meshing import Mesh
-from gsedit.surveying.sizes import SurfacePoint, area, distance, ground_of, height, point_at, volume
-from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
+from gsedit.mesh import Mesh
+from gsedit.mesh.sizes import SurfacePoint, area, distance, ground_of, height, point_at, volume
 from gsedit.toolkit.align import Plane
 
 
@@ -101,7 +101,7 @@ def test_a_volume_is_that_of_the_closed_mesh_of_what_is_selected(room, monkeypat
         asked.append((inside, watertight))
         return Mesh(corners.numpy(), outward(sides).astype(np.int64))
 
-    monkeypatch.setattr("gsedit.meshing.build.mesh", mesh)
+    monkeypatch.setattr("gsedit.mesh.build.mesh", mesh)
     flags = torch.ones(len(gaussians), dtype=torch.bool)
     found = volume(gaussians, cameras, flags)
     assert (found.value, found.power) == (pytest.approx(24), 3)

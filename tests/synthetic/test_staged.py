@@ -10,8 +10,8 @@ import torch
 from bench.staged import stage, stages
 from bench.staged.sets import FLOOR
 
+from gsedit.bench.synthetic.paint import plain
 from gsedit.scene.similarity import IDENTITY, Similarity
-from gsedit.synthetic.paint import plain
 from rasterizer import render
 
 COUNT, SIZE = 800, 32

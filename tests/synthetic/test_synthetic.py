@@ -7,7 +7,7 @@ import math
 import pytest
 import torch
 
-from gsedit.synthetic import (
+from gsedit.bench.synthetic import (
     SyntheticScene,
     demo_scene,
     ring_cameras,
@@ -16,8 +16,8 @@ from gsedit.synthetic import (
     surface_points,
     traced_dataset,
 )
-from gsedit.synthetic.paint import mix, plain, waves
-from gsedit.synthetic.shapes import (
+from gsedit.bench.synthetic.paint import mix, plain, waves
+from gsedit.bench.synthetic.shapes import (
     box,
     capsule,
     cylinder,

@@ -9,9 +9,9 @@ import torch
 
 import gsedit
 from gsedit import diff
-from gsedit.datasets.viewpoints import Viewpoint
-from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
+from gsedit.bench.synthetic import demo_scene, ring_cameras, surface_gaussians
 from gsedit.toolkit.differences import PROPERTIES, frame_hints, match
+from gsedit.views.viewpoints import Viewpoint
 from rasterizer import Gaussians
 
 

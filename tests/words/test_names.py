@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from gsedit.light.named import LIGHTS
-from gsedit.materials.table import MATERIALS
-from gsedit.objects.growth.table import GROWTHS
-from gsedit.scenery.named import SCENERIES
+from gsedit.change.light.named import LIGHTS
+from gsedit.change.materials.table import MATERIALS
+from gsedit.change.objects.growth.table import GROWTHS
+from gsedit.change.scenery.named import SCENERIES
 from gsedit.words import lexicon
 from gsedit.words.read import read_instruction
 

@@ -6,9 +6,8 @@ import torch
 
 from bench.staged.stage import Rig, Stage
 from bench.staged.thing import Thing
-from gsedit.surface.noise import noise
-from gsedit.synthetic.daylight import Daylight
-from gsedit.synthetic.paint import (
+from gsedit.bench.synthetic.daylight import Daylight
+from gsedit.bench.synthetic.paint import (
     Paint,
     Pattern,
     Shares,
@@ -19,7 +18,7 @@ from gsedit.synthetic.paint import (
     tiles,
     waves,
 )
-from gsedit.synthetic.shapes import (
+from gsedit.bench.synthetic.shapes import (
     Points,
     Sdf,
     Triple,
@@ -34,6 +33,7 @@ from gsedit.synthetic.shapes import (
     translate,
     union,
 )
+from gsedit.views.noise import noise
 
 AFTERNOON = Daylight((-0.5, -0.65, 0.85), (0.85, 0.8, 0.7), (0.4, 0.45, 0.52))
 MORNING = Daylight((0.7, -0.5, 0.6), (0.9, 0.78, 0.6), (0.36, 0.42, 0.55))

@@ -15,13 +15,13 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from bench.staged.thing import Thing, snow_on
-from gsedit.cameras.orbit import towards
+from gsedit.bench.synthetic.daylight import GAMMA, Daylight, arriving, sun_rays
+from gsedit.bench.synthetic.paint import OCCLUSION_REACH, Colors, Paint, mix, parts, plain, waves
+from gsedit.bench.synthetic.scene import SyntheticScene
+from gsedit.bench.synthetic.shapes import Points, Sdf, Triple, gradient, union
+from gsedit.bench.synthetic.splats import surface_gaussians
 from gsedit.scene.similarity import Similarity
-from gsedit.synthetic.daylight import GAMMA, Daylight, arriving, sun_rays
-from gsedit.synthetic.paint import OCCLUSION_REACH, Colors, Paint, mix, parts, plain, waves
-from gsedit.synthetic.scene import SyntheticScene
-from gsedit.synthetic.shapes import Points, Sdf, Triple, gradient, union
-from gsedit.synthetic.splats import surface_gaussians
+from gsedit.views.orbit import towards
 from rasterizer.camera import Camera, look_at
 from rasterizer.numerics import color_to_sh
 from rasterizer.scene import Gaussians, concatenate

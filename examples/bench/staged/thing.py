@@ -11,9 +11,9 @@ from math import radians
 import numpy as np
 import torch
 
+from gsedit.bench.synthetic.paint import Paint
+from gsedit.bench.synthetic.shapes import Distances, Points, Sdf, Triple
 from gsedit.scene.similarity import Similarity
-from gsedit.synthetic.paint import Paint
-from gsedit.synthetic.shapes import Distances, Points, Sdf, Triple
 
 CLINGS = 0.017
 """World units that snow is swept up by more than it adds, and then thinned by along the normal:

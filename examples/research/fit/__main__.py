@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from gsedit.fitting.settings import QUALITIES
+from gsedit.capture.fitting.settings import QUALITIES
 from research.command import Output, Quick, collect, print_message, print_result, require_new, run
 from research.fit.run import PLOT, BenchSettings, table, to_folder
 

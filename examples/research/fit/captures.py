@@ -14,15 +14,15 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.datasets.dataset import Dataset, View
+from gsedit.bench.synthetic import ring_cameras
+from gsedit.bench.synthetic.gallery import columns, demo_scene
+from gsedit.bench.synthetic.paint import checker, mix, parts, plain, tiles, waves
+from gsedit.bench.synthetic.scene import SyntheticScene
+from gsedit.bench.synthetic.shapes import Distances, Points, Sdf, Triple, length, union
+from gsedit.bench.synthetic.splats import surface_points
 from gsedit.formats.pictures import as_picture, save_picture
-from gsedit.storage.atomic import atomic_path
-from gsedit.synthetic import ring_cameras
-from gsedit.synthetic.gallery import columns, demo_scene
-from gsedit.synthetic.paint import checker, mix, parts, plain, tiles, waves
-from gsedit.synthetic.scene import SyntheticScene
-from gsedit.synthetic.shapes import Distances, Points, Sdf, Triple, length, union
-from gsedit.synthetic.splats import surface_points
+from gsedit.run.atomic import atomic_path
+from gsedit.views.dataset import Dataset, View
 from rasterizer.camera import Camera
 
 WALL = 5.0

@@ -16,11 +16,11 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from gsedit.datasets.dataset import Dataset
-from gsedit.fitting.densify import ScreenGradients
-from gsedit.fitting.initial import round_gaussians
-from gsedit.fitting.optimizer import SceneOptimizer
-from gsedit.fitting.photometric import photometric, supervised
+from gsedit.capture.fitting.densify import ScreenGradients
+from gsedit.capture.fitting.initial import round_gaussians
+from gsedit.capture.fitting.optimizer import SceneOptimizer
+from gsedit.capture.fitting.photometric import photometric, supervised
+from gsedit.views.dataset import Dataset
 from rasterizer.blending.choose import is_compiled
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution

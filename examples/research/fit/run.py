@@ -19,14 +19,14 @@ from gsedit.bench.results import (
     markdown_table,
     write_text,
 )
-from gsedit.datasets.dataset import Dataset, View
-from gsedit.datasets.load import load_dataset
+from gsedit.capture.fitting.fit import FitResult, fit_steps
+from gsedit.capture.fitting.settings import QUALITIES, FitSettings
 from gsedit.errors import UsageError
-from gsedit.fitting.fit import FitResult, fit_steps
-from gsedit.fitting.settings import QUALITIES, FitSettings
 from gsedit.measures.metrics import nearness, perceptual, ssim
-from gsedit.runs.events import Checkpoint, Event
+from gsedit.run.events import Checkpoint, Event
 from gsedit.scene.picture import render_picture
+from gsedit.views.dataset import Dataset, View
+from gsedit.views.load import load_dataset
 from rasterizer.numerics import Execution
 from rasterizer.scene import Gaussians
 from research.figures import draw_errors

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import torch
 
-from gsedit.datasets.dataset import Dataset, capture
+from gsedit.bench.synthetic import demo_scene, ring_cameras, scenes, surface_gaussians
 from gsedit.errors import InputError
-from gsedit.synthetic import demo_scene, ring_cameras, scenes, surface_gaussians
+from gsedit.views.dataset import Dataset, capture
 from rasterizer.scene import Gaussians
 from research.paper.runs import Case
 
@@ -54,9 +54,9 @@ def load_case(case: Case) -> tuple[Gaussians, Dataset]:
 
 
 def _capture(case: Case) -> tuple[Gaussians, Dataset]:
-    from gsedit.cameras.around import around
-    from gsedit.datasets.load import load_dataset
     from gsedit.formats.scenes import load
+    from gsedit.views.around import around
+    from gsedit.views.load import load_dataset
 
     gaussians = load(Path(case.scene)).detach()
     if case.data:

@@ -12,9 +12,9 @@ from pathlib import Path
 import torch
 
 from gsedit.bench.results import write_text
-from gsedit.runs.events import Event
-from gsedit.runs.json_lines import plain
-from gsedit.runs.stopwatch import Stopwatch
+from gsedit.run.events import Event
+from gsedit.run.json_lines import plain
+from gsedit.run.stopwatch import Stopwatch
 from research.paper.claims import claims_table
 from research.paper.measure import run_to_file
 from research.paper.runs import Record, Run, read_record

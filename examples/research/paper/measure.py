@@ -13,16 +13,16 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.diffusion.sampler import levels_of
+from gsedit.capture.fitting.settings import LossTerm, UpdateSettings
 from gsedit.editing.edit import edit_steps
 from gsedit.editing.result import EditResult
-from gsedit.editor_protocol import Editor
-from gsedit.editors import make_editor
-from gsedit.editors.looks.recipe import parse
-from gsedit.editors.sampling import DiffusionEditor
-from gsedit.fitting.settings import LossTerm, UpdateSettings
 from gsedit.measures.decibels import rmse_from_psnr
 from gsedit.paper.actions import Strategy
+from gsedit.paper.diffusion.sampler import levels_of
+from gsedit.paper.editors import make_editor
+from gsedit.paper.editors.looks.recipe import parse
+from gsedit.paper.editors.sampling import DiffusionEditor
+from gsedit.paper.protocol import Editor
 from gsedit.paper.session import Session
 from gsedit.paper.settings import EditSettings, find_preset
 from gsedit.paper.strategies import find_strategy

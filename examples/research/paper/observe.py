@@ -10,16 +10,16 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editors.looks.recipe import parse
 from gsedit.errors import UsageError
 from gsedit.measures.agreement import spread
 from gsedit.paper.actions import Action, Strategy
+from gsedit.paper.diffusion.settings import SamplerSettings
 from gsedit.paper.edit_views import MEASURE, sample_views
+from gsedit.paper.editors.looks.recipe import parse
 from gsedit.paper.progress import Work
 from gsedit.paper.session import Session
-from gsedit.runs.events import returned
-from gsedit.runs.stopwatch import Stopwatch
+from gsedit.run.events import returned
+from gsedit.run.stopwatch import Stopwatch
 from gsedit.scene.picture import render_picture
 
 MEASURED_VIEWS = 4

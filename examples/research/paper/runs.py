@@ -11,8 +11,8 @@ from typing import Any
 
 from gsedit.bench.results import write_text
 from gsedit.errors import InputError
-from gsedit.runs.json_lines import plain
-from gsedit.storage.json_files import read_json
+from gsedit.run.json_files import read_json
+from gsedit.run.json_lines import plain
 from research.paper.observe import Point, nearest_truth
 
 

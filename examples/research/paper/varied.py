@@ -21,14 +21,14 @@ import torch.nn.functional as F
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.datasets.padding import PadMode
-from gsedit.diffusion.guidance import Branches, Need
-from gsedit.diffusion.predictions import Prediction
-from gsedit.diffusion.schedules import Schedule
-from gsedit.diffusion.settings import SamplerDefaults
-from gsedit.editor_protocol import Capabilities
-from gsedit.editors.looks.recipe import parse
 from gsedit.measures.features import OPPONENT
+from gsedit.paper.diffusion.guidance import Branches, Need
+from gsedit.paper.diffusion.predictions import Prediction
+from gsedit.paper.diffusion.schedules import Schedule
+from gsedit.paper.diffusion.settings import SamplerDefaults
+from gsedit.paper.editors.looks.recipe import parse
+from gsedit.paper.protocol import Capabilities
+from gsedit.views.padding import PadMode
 
 CELL = 8  # pixels, as Stable Diffusion's
 

@@ -11,8 +11,8 @@ from typing import Annotated
 import typer
 
 from gsedit.bench.results import write_text
-from gsedit.runs.events import Event
-from gsedit.runs.stopwatch import Stopwatch
+from gsedit.run.events import Event
+from gsedit.run.stopwatch import Stopwatch
 from research.command import Output, Quick, collect, print_message, print_result, require_new, run
 from research.figures import Point, draw_errors
 from research.provenance import provenance, write_measurements

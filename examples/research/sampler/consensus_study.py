@@ -10,9 +10,9 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from itertools import product
 
-from gsedit.diffusion.sampler import levels_of
-from gsedit.diffusion.settings import SamplerSettings
-from gsedit.runs.stopwatch import Stopwatch
+from gsedit.paper.diffusion.sampler import levels_of
+from gsedit.paper.diffusion.settings import SamplerSettings
+from gsedit.run.stopwatch import Stopwatch
 from research.sampler.measurements import SamplerMeasurement, rms
 from research.sampler.overlapping import OverlappingViews, texture_views
 

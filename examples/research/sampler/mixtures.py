@@ -16,11 +16,11 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.diffusion.guidance import Branches, Need, weights
-from gsedit.diffusion.predictions import Prediction
-from gsedit.diffusion.schedules import NoiseLevel, Schedule
-from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editors.closed_form import Mixture
+from gsedit.paper.diffusion.guidance import Branches, Need, weights
+from gsedit.paper.diffusion.predictions import Prediction
+from gsedit.paper.diffusion.schedules import NoiseLevel, Schedule
+from gsedit.paper.diffusion.settings import SamplerSettings
+from gsedit.paper.editors.closed_form import Mixture
 
 EXACT_STEPS = 10_000
 """Steps of the fourth-order method: its error is then below 1e-10 for every problem here."""

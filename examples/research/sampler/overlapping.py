@@ -14,12 +14,12 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from gsedit.consistency.consensus import consensus, share_noise
-from gsedit.diffusion.guidance import Branches, Need
-from gsedit.diffusion.predictions import Prediction
-from gsedit.diffusion.sampler import add_noise, levels_of, sample
-from gsedit.diffusion.schedules import Schedule
-from gsedit.diffusion.settings import SamplerSettings
+from gsedit.paper.consistency.consensus import consensus, share_noise
+from gsedit.paper.diffusion.guidance import Branches, Need
+from gsedit.paper.diffusion.predictions import Prediction
+from gsedit.paper.diffusion.sampler import add_noise, levels_of, sample
+from gsedit.paper.diffusion.schedules import Schedule
+from gsedit.paper.diffusion.settings import SamplerSettings
 from research.sampler.measurements import rms
 
 VIEWS = 4

@@ -16,10 +16,10 @@ from jaxtyping import Float
 from torch import Tensor
 
 from gsedit.bench.renderer.speed import timed
-from gsedit.diffusion.sampler import sample
-from gsedit.diffusion.schedules import NoiseLevel, Schedule, karras_sigmas
-from gsedit.diffusion.settings import SamplerSettings, Solver
 from gsedit.errors import UsageError
+from gsedit.paper.diffusion.sampler import sample
+from gsedit.paper.diffusion.schedules import NoiseLevel, Schedule, karras_sigmas
+from gsedit.paper.diffusion.settings import SamplerSettings, Solver
 from research.sampler.measurements import SamplerMeasurement, rms
 from research.sampler.mixtures import (
     MixtureProblem,

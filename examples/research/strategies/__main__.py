@@ -12,7 +12,7 @@ import torch
 import typer
 
 from gsedit import EditResult, edit_steps, load, load_dataset, write_edit
-from gsedit.editors import make_editor
+from gsedit.paper.editors import make_editor
 from research.command import Output, collect, print_result, require_new, run
 from research.strategies.clip import Clip
 from research.strategies.sds import Sds

@@ -11,10 +11,10 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from gsedit.fitting.update import FINAL_RATE
+from gsedit.capture.fitting.update import FINAL_RATE
 from gsedit.paper.actions import MAX_STEPS_AT_ONCE, REPORT_EVERY_STEPS, Action
 from gsedit.paper.session import Session, seen_gaussians
-from gsedit.runs.events import Event
+from gsedit.run.events import Event
 from rasterizer.camera import Camera
 from rasterizer.render import render
 from rasterizer.scene import Gaussians

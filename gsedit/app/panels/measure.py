@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from gsedit.errors import UsageError
-from gsedit.surveying.sizes import SurfacePoint, area, distance, point_at
+from gsedit.mesh.sizes import SurfacePoint, area, distance, point_at
 
 if TYPE_CHECKING:
     from gsedit.app.page import Page

@@ -27,11 +27,11 @@ from gsedit.bench.renderer.accuracy import (
     reference_of,
 )
 from gsedit.bench.results import commit, machine, markdown_table
+from gsedit.bench.synthetic import ring_cameras, scenes, surface_gaussians
+from gsedit.capture.fitting.photometric import photometric
 from gsedit.errors import InputError
-from gsedit.fitting.photometric import photometric
-from gsedit.runs.events import Event
-from gsedit.runs.stopwatch import Stopwatch
-from gsedit.synthetic import ring_cameras, scenes, surface_gaussians
+from gsedit.run.events import Event
+from gsedit.run.stopwatch import Stopwatch
 from rasterizer import Camera, Execution, Gaussians, render
 from rasterizer.blending.choose import is_compiled
 from rasterizer.numerics import AUTO, SH_DC, Kernel

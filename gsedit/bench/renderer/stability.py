@@ -19,9 +19,9 @@ from torch import Tensor
 from gsedit.bench.renderer.accuracy import Draw, Drawn, differentiate, errors, with_pose
 from gsedit.bench.renderer.edge_cases import EDGE_CASES, EdgeCase, RenderInput
 from gsedit.bench.results import markdown_table, write_text
-from gsedit.runs.events import Event
-from gsedit.runs.json_lines import Journal
-from gsedit.runs.stopwatch import Stopwatch
+from gsedit.run.events import Event
+from gsedit.run.json_lines import Journal
+from gsedit.run.stopwatch import Stopwatch
 from rasterizer.numerics import AUTO, Execution, Numerics
 from rasterizer.reference import render_reference
 from rasterizer.render import render

@@ -14,16 +14,14 @@ import torch.nn.functional as F
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from gsedit.datasets.dataset import View
-from gsedit.datasets.image_ops import downscale
+from gsedit.capture.fitting.crops import color_crops
+from gsedit.capture.fitting.optimizer import SceneOptimizer
 from gsedit.editing.style.settings import StyleSettings
 from gsedit.errors import UsageError
-from gsedit.fitting.crops import color_crops
-from gsedit.fitting.optimizer import SceneOptimizer
 from gsedit.formats.pictures import fitted_size
 from gsedit.measures.features import FeatureExtractor, FilterBank
 from gsedit.measures.losses import gram, mse
-from gsedit.runs.step_threads import StepThreads
+from gsedit.run.step_threads import StepThreads
 from gsedit.scene.color_space import LUMINANCE
 from gsedit.scene.merging.groups import coarsen
 from gsedit.scene.picture import render_picture
@@ -32,6 +30,8 @@ from gsedit.select.region import Region, coverage
 from gsedit.toolkit.color_maps import as_table
 from gsedit.toolkit.palette import color_transport, sliced_distance
 from gsedit.toolkit.recolor import recolored
+from gsedit.views.dataset import View
+from gsedit.views.image_ops import downscale
 from rasterizer.camera import Camera
 from rasterizer.render import render
 from rasterizer.scene import Gaussians

@@ -15,17 +15,17 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.cameras.around import around
-from gsedit.datasets.dataset import Dataset, evenly_spaced
 from gsedit.editing.style.studio import Studio, StyleLoss, StyleMeasure, StyleSettings, sized
 from gsedit.errors import UsageError
 from gsedit.formats.pictures import read_picture
 from gsedit.measures.features import FeatureExtractor, FilterBank
-from gsedit.runs.events import Event
-from gsedit.runs.stopwatch import Stopwatch
+from gsedit.run.events import Event
+from gsedit.run.stopwatch import Stopwatch
 from gsedit.scene.table import table_of
 from gsedit.select.rules import EVERYTHING, Selection
 from gsedit.toolkit.filter import as_selection
+from gsedit.views.around import around
+from gsedit.views.dataset import Dataset, evenly_spaced
 from rasterizer.scene import Gaussians
 
 MIN_PICTURE_PIXELS = 16

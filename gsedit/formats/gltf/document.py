@@ -18,9 +18,9 @@ import numpy as np
 from jaxtyping import Float32
 
 from gsedit.errors import InputError
-from gsedit.storage.inputs import existing_file, file_inside
-from gsedit.storage.json_files import object_of, parse_json
-from gsedit.storage.safe_names import safe_name
+from gsedit.run.inputs import existing_file, file_inside
+from gsedit.run.json_files import object_of, parse_json
+from gsedit.run.safe_names import safe_name
 
 GLB_HEADER = struct.Struct("<4sII")
 """Magic, version, length of the file."""

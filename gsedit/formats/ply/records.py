@@ -15,7 +15,7 @@ from typing import BinaryIO
 import numpy as np
 
 from gsedit.errors import InputError
-from gsedit.storage.inputs import existing_file
+from gsedit.run.inputs import existing_file
 
 _BYTE_ORDERS = {"ascii": "=", "binary_little_endian": "<", "binary_big_endian": ">"}
 _TYPES = {

@@ -34,9 +34,8 @@ from gsedit.formats.streams import (
     WriteOptions,
     gather,
 )
-from gsedit.scene.table import SplatTable
-from gsedit.storage.inputs import existing_file, file_inside
-from gsedit.storage.json_files import (
+from gsedit.run.inputs import existing_file, file_inside
+from gsedit.run.json_files import (
     Check,
     Misfit,
     checked,
@@ -47,7 +46,8 @@ from gsedit.storage.json_files import (
     parse_json,
     text,
 )
-from gsedit.storage.safe_names import safe_name
+from gsedit.run.safe_names import safe_name
+from gsedit.scene.table import SplatTable
 
 _CUT = "it is cut off or damaged, copy or export it again"
 _BROKEN_ZIP = (

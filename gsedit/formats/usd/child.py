@@ -17,8 +17,8 @@ from typing import IO, Any
 import numpy as np
 
 from gsedit.errors import InputError
-from gsedit.storage.inputs import file_inside
-from gsedit.storage.safe_names import safe_name
+from gsedit.run.inputs import file_inside
+from gsedit.run.safe_names import safe_name
 
 SCHEMA = "ParticleField3DGaussianSplat"
 DEGREE = "radiance:sphericalHarmonicsDegree"

@@ -11,13 +11,13 @@ from dataclasses import dataclass, replace
 
 import torch
 
-from gsedit.datasets.dataset import View
-from gsedit.diffusion.settings import SamplerSettings
 from gsedit.paper.actions import Action, RollbackAction, Solve, update_round
+from gsedit.paper.diffusion.settings import SamplerSettings
 from gsedit.paper.edit_views import edit_alone
 from gsedit.paper.session import Session
 from gsedit.paper.strategies._settings import DatasetUpdate
-from gsedit.runs.events import Event
+from gsedit.run.events import Event
+from gsedit.views.dataset import View
 
 
 def dataset_views(session: Session, own: DatasetUpdate) -> tuple[int, ...]:

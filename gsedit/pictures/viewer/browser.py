@@ -21,14 +21,14 @@ import torch
 from jaxtyping import Bool, Float32
 from torch import Tensor
 
-from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.errors import UsageError
 from gsedit.pictures.viewer.drawing import frustum_length
 from gsedit.pictures.viewer.libraries import guarded, import_viser
 from gsedit.pictures.viewer.point_clouds import splat_colors
+from gsedit.run.atomic import atomic_path
 from gsedit.scene.framing import bounds
 from gsedit.select.region import TINT, TINT_STRENGTH
-from gsedit.storage.atomic import atomic_path
+from gsedit.views.viewpoints import Viewpoint
 from rasterizer.camera import Camera
 from rasterizer.project import rotation_matrices
 from rasterizer.scene import Gaussians

@@ -16,16 +16,16 @@ from jaxtyping import Bool, Float, UInt8
 from PIL import Image
 from torch import Tensor
 
-from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.errors import UsageError
 from gsedit.formats.pictures import eight_bits, save_picture
 from gsedit.pictures.viewer.libraries import check_drawing, check_screen, import_pyvista
 from gsedit.pictures.viewer.point_clouds import solid, splat_colors
-from gsedit.runs.environment import load_extra
+from gsedit.run.environment import load_extra
 from gsedit.scene.framing import bounds, framing_camera, guess_up
 from gsedit.scene.table import table_of
 from gsedit.select.region import TINT, TINT_STRENGTH
 from gsedit.select.rules import NAMED
+from gsedit.views.viewpoints import Viewpoint
 from rasterizer.camera import Camera
 from rasterizer.project import rotation_matrices
 from rasterizer.scene import Gaussians

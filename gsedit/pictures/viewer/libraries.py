@@ -13,7 +13,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from gsedit.errors import GseditError, UsageError
-from gsedit.runs.environment import load_package
+from gsedit.run.environment import load_package
 
 
 def import_open3d() -> Any:

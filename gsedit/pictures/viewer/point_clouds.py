@@ -11,7 +11,7 @@ from torch import Tensor
 from gsedit.errors import UsageError
 from gsedit.formats.pictures import eight_bits
 from gsedit.pictures.viewer.libraries import import_open3d, import_pyvista
-from gsedit.runs.environment import load_package
+from gsedit.run.environment import load_package
 from gsedit.scene.table import SplatTable, gaussians_of
 from rasterizer.numerics import sh_to_color
 from rasterizer.scene import Gaussians

@@ -13,8 +13,8 @@ from changes import Known, changed_by
 
 import gsedit
 from gsedit.editing.plan import runs_of
-from gsedit.objects.outcome import NEW, Outcome
 from gsedit.paper.settings import EditSettings
+from gsedit.scene.outcome import NEW, Outcome
 from gsedit.words.read import read_instruction
 from rasterizer.scene import Gaussians, concatenate
 
@@ -48,8 +48,8 @@ def operations(monkeypatch):
         means = torch.where(inside[:, None], scene.means * placement.scale, scene.means)
         return Outcome(replace(scene, means=means), rows, inside)
 
-    monkeypatch.setattr("gsedit.objects.remove", remove)
-    monkeypatch.setattr("gsedit.objects.place", place)
+    monkeypatch.setattr("gsedit.change.objects.remove", remove)
+    monkeypatch.setattr("gsedit.change.objects.place", place)
 
 
 def applied(sentence: str, shown: torch.Tensor | None = None):

@@ -8,10 +8,10 @@ import torch
 from bench.reflective import Finish, LitSolid, captured, garden, plain_base
 from changes import painted
 
+from gsedit.bench.synthetic import ring_cameras, scenes
 from gsedit.errors import UsageError
 from gsedit.scene.color_space import lab_of_srgb, srgb_of_hex
 from gsedit.scene.picture import render_picture
-from gsedit.synthetic import ring_cameras, scenes
 from gsedit.words.instruction import Change
 from rasterizer.numerics import SH_DC
 

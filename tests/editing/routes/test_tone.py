@@ -9,11 +9,11 @@ import pytest
 import torch
 from changes import painted
 
+from gsedit.bench.synthetic import demo_scene, ring_cameras, surface_gaussians
 from gsedit.editing.tone import TONES, tone_map
 from gsedit.errors import UsageError
 from gsedit.scene.color_space import LUMINANCE
 from gsedit.select.region import everything
-from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
 from gsedit.words.instruction import Change
 from rasterizer.render import render
 

@@ -14,17 +14,17 @@ from regions_iou import iou
 
 import gsedit
 from gsedit import Dataset, EditSettings, edit
-from gsedit.cameras.orbit import circle
-from gsedit.datasets.dataset import capture
-from gsedit.datasets.viewpoints import viewpoints_of
-from gsedit.diffusion.settings import SamplerSettings
+from gsedit.capture.fitting.settings import UpdateSettings
 from gsedit.editing.parts import drawn_region
-from gsedit.editors import Capabilities, EditProgress, make_editor
 from gsedit.errors import UsageError
-from gsedit.fitting.settings import UpdateSettings
+from gsedit.paper.diffusion.settings import SamplerSettings
+from gsedit.paper.editors import Capabilities, EditProgress, make_editor
 from gsedit.paper.strategies.single_pass import SinglePass
 from gsedit.select.finder import Finder
 from gsedit.select.region import Region, coverage, lift
+from gsedit.views.dataset import capture
+from gsedit.views.orbit import circle
+from gsedit.views.viewpoints import viewpoints_of
 from rasterizer import render
 
 SIZE = 48

@@ -7,12 +7,12 @@ import torch
 from tiny_edits import painted, steps
 
 from gsedit import Dataset, EditSettings, Event
-from gsedit.datasets.dataset import capture
-from gsedit.editors import Capabilities, EditProgress
-from gsedit.fitting.settings import UpdateSettings
+from gsedit.bench.synthetic import demo_scene, ring_cameras
+from gsedit.capture.fitting.settings import UpdateSettings
 from gsedit.measures.metrics import psnr
+from gsedit.paper.editors import Capabilities, EditProgress
 from gsedit.paper.strategies.single_pass import SinglePass
-from gsedit.synthetic import demo_scene, ring_cameras
+from gsedit.views.dataset import capture
 
 QUICK = EditSettings(update=UpdateSettings(patches=1, patch=16), views_per_batch=2, coverage=1.0)
 

@@ -9,11 +9,11 @@ import torch
 from tiny_edits import painted, seen, steps
 
 import gsedit
-from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editors import Capabilities, EditProgress
+from gsedit.capture.fitting.settings import UpdateSettings
 from gsedit.errors import UsageError
-from gsedit.fitting.settings import UpdateSettings
 from gsedit.measures.metrics import psnr
+from gsedit.paper.diffusion.settings import SamplerSettings
+from gsedit.paper.editors import Capabilities, EditProgress
 from gsedit.paper.strategies.single_pass import SinglePass
 
 SETTINGS = gsedit.EditSettings(

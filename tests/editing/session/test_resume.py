@@ -14,15 +14,15 @@ import pytest
 import torch
 
 from gsedit import Checkpoint, Dataset, EditResult, EditSettings, Event, edit_steps
-from gsedit.datasets.dataset import capture
-from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editors import Capabilities, EditProgress, make_editor
+from gsedit.bench.synthetic import demo_scene, ring_cameras, surface_gaussians
+from gsedit.capture.fitting.settings import UpdateSettings
 from gsedit.errors import InputError, UsageError
-from gsedit.fitting.settings import UpdateSettings
+from gsedit.paper.diffusion.settings import SamplerSettings
+from gsedit.paper.editors import Capabilities, EditProgress, make_editor
 from gsedit.paper.strategies import find_strategy, strategy_names
 from gsedit.paper.strategies.single_pass import SinglePass
-from gsedit.runs.state import load_state, save_state
-from gsedit.synthetic import demo_scene, ring_cameras, surface_gaussians
+from gsedit.run.state import load_state, save_state
+from gsedit.views.dataset import capture
 
 SETTINGS = EditSettings(
     sampler=SamplerSettings(steps=4),
@@ -204,7 +204,7 @@ import sys
 from pathlib import Path
 sys.path[:0] = [sys.argv[1], sys.argv[2]]
 import test_resume
-from gsedit.runs.state import save_state
+from gsedit.run.state import save_state
 scene = test_resume.make_scene()
 request = test_resume.Request(scene, test_resume.make_data(scene))
 for item in request.steps():

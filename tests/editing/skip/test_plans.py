@@ -12,13 +12,13 @@ from command_line import gsedit
 from three_scenes import EXHIBITS, SIZE, Swapped
 
 from gsedit import EditSettings, edit
-from gsedit.datasets.cameras_json import write_cameras
-from gsedit.diffusion.settings import SamplerSettings
+from gsedit.capture.fitting.settings import UpdateSettings
 from gsedit.editing.edit import plan_edit
-from gsedit.fitting.settings import UpdateSettings
 from gsedit.formats.scenes import save
+from gsedit.paper.diffusion.settings import SamplerSettings
 from gsedit.paper.skips import DECISIONS
 from gsedit.paper.strategies.single_pass import SinglePass
+from gsedit.views.cameras_json import write_cameras
 from rasterizer import render
 
 QUICK = EditSettings(

@@ -10,11 +10,11 @@ import torch
 from tiny_edits import data, scene, steps
 
 from gsedit import Checkpoint, EditSettings, Event
-from gsedit.diffusion.settings import SamplerSettings
+from gsedit.capture.fitting.settings import UpdateSettings
 from gsedit.errors import UsageError
-from gsedit.fitting.settings import UpdateSettings
 from gsedit.paper import strategies
 from gsedit.paper.actions import Action, Strategy, update_round
+from gsedit.paper.diffusion.settings import SamplerSettings
 from gsedit.paper.edit_views import edit_views
 from gsedit.paper.request import name_of
 from gsedit.paper.session import Session

@@ -6,10 +6,10 @@ import pytest
 import torch
 
 from gsedit import Dataset, orbit
-from gsedit.datasets.dataset import capture
 from gsedit.editing.style.studio import StyleLoss, StyleSettings
 from gsedit.editing.style.style import style
 from gsedit.measures.features import FilterBank
+from gsedit.views.dataset import capture
 from rasterizer import Gaussians
 
 

@@ -25,11 +25,11 @@ from model_runs import (
 )
 from tiny_dreamlite import tiny_dreamlite
 
-from gsedit.diffusion.flow import FlowScheduler
-from gsedit.diffusion.guidance import Need
-from gsedit.diffusion.settings import SamplerSettings
-from gsedit.models.dreamlite import INSTRUCTION, DreamLite, Reader
-from gsedit.models.loading import load_model
+from gsedit.paper.diffusion.flow import FlowScheduler
+from gsedit.paper.diffusion.guidance import Need
+from gsedit.paper.diffusion.settings import SamplerSettings
+from gsedit.paper.models.dreamlite import INSTRUCTION, DreamLite, Reader
+from gsedit.paper.models.loading import load_model
 
 ALONE = SamplerSettings(strength=1.0, consensus=False)
 

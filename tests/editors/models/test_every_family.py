@@ -12,9 +12,9 @@ import tiny_flux
 import tiny_models
 import torch
 
-from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editors import EditBatch, make_editor
-from gsedit.models.hub import PIPELINES, inspect
+from gsedit.paper.diffusion.settings import SamplerSettings
+from gsedit.paper.editors import EditBatch, make_editor
+from gsedit.paper.models.hub import PIPELINES, inspect
 
 pytestmark = pytest.mark.usefixtures("offline")
 SIDE = 32

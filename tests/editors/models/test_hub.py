@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from small_hub import SmallHub, small_hub
 
-from gsedit.models.loading import load_model
+from gsedit.paper.models.loading import load_model
 
 UNET = "diffusion_pytorch_model"
 
@@ -21,7 +21,7 @@ def find(
     hub: SmallHub, cache: Path, yes: str = "False", model: str = "owner/name"
 ) -> subprocess.CompletedProcess[str]:
     """`find` in a process of its own: the hub's library reads its address when it is imported."""
-    code = f"from gsedit.models.hub import find; print(find('{model}', yes={yes}))"
+    code = f"from gsedit.paper.models.hub import find; print(find('{model}', yes={yes}))"
     env = os.environ | {"HF_ENDPOINT": hub.url, "HF_HOME": str(cache), "HF_HUB_OFFLINE": "0"}
     env |= {"HF_HUB_DISABLE_PROGRESS_BARS": "1", "NO_PROXY": "*"}
     return subprocess.run(

@@ -10,10 +10,10 @@ from model_runs import as_files, noise, pictures
 from tiny_flux import klein, trace
 from torch.nn.functional import pixel_unshuffle
 
-from gsedit.diffusion.guidance import Need
-from gsedit.diffusion.settings import SamplerSettings
-from gsedit.models.klein import packed
-from gsedit.models.loading import load_model
+from gsedit.paper.diffusion.guidance import Need
+from gsedit.paper.diffusion.settings import SamplerSettings
+from gsedit.paper.models.klein import packed
+from gsedit.paper.models.loading import load_model
 
 pytestmark = pytest.mark.usefixtures("offline")
 LENGTH = 24
@@ -23,7 +23,7 @@ LENGTH = 24
 @pytest.fixture(scope="module", autouse=True)
 def short():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("gsedit.models.klein.LENGTH", LENGTH)
+        patch.setattr("gsedit.paper.models.klein.LENGTH", LENGTH)
         yield
 
 

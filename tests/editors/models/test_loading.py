@@ -19,10 +19,10 @@ from safetensors.torch import load_file, save_file
 from tiny_models import PROMPT, SD, tiny_text, tiny_tokenizer, tiny_vae, tiny_xl_unet
 from typer.testing import CliRunner
 
-from gsedit.diffusion.guidance import Need
 from gsedit.errors import InputError, UsageError
-from gsedit.models import loading
-from gsedit.models.loading import Parts, load_model
+from gsedit.paper.diffusion.guidance import Need
+from gsedit.paper.models import loading
+from gsedit.paper.models.loading import Parts, load_model
 
 pytestmark = pytest.mark.usefixtures("offline")
 UNET = "diffusion_pytorch_model"

@@ -7,8 +7,8 @@ import tiny_segmenters as tiny
 import torch
 from PIL import Image
 
-from gsedit.editors import make_masks
-from gsedit.models import mask_networks as networks
+from gsedit.paper.editors import make_masks
+from gsedit.paper.models import mask_networks as networks
 
 PHRASE = "the red chair"
 

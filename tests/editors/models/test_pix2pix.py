@@ -13,13 +13,13 @@ import torch
 from closeness import NETWORK, assert_near, slope_error
 from tiny_models import PROMPT
 
-from gsedit.consistency.correspond import Correspondences
-from gsedit.diffusion.guidance import Need
-from gsedit.diffusion.sampler import sample
-from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editors import EditBatch, make_editor
 from gsedit.errors import UsageError
-from gsedit.models.loading import load_model
+from gsedit.paper.consistency.correspond import Correspondences
+from gsedit.paper.diffusion.guidance import Need
+from gsedit.paper.diffusion.sampler import sample
+from gsedit.paper.diffusion.settings import SamplerSettings
+from gsedit.paper.editors import EditBatch, make_editor
+from gsedit.paper.models.loading import load_model
 
 pytestmark = pytest.mark.usefixtures("offline")
 

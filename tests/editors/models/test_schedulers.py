@@ -13,12 +13,12 @@ import torch
 from closeness import NETWORK, assert_near
 from tiny_models import PROMPT, SD
 
-from gsedit.diffusion.sampler import sample
-from gsedit.diffusion.settings import SamplerSettings
-from gsedit.editor_protocol import for_settings, levels_for
 from gsedit.errors import InputError
-from gsedit.models.loading import load_model
-from gsedit.models.stable_diffusion import noise_of
+from gsedit.paper.diffusion.sampler import sample
+from gsedit.paper.diffusion.settings import SamplerSettings
+from gsedit.paper.models.loading import load_model
+from gsedit.paper.models.stable_diffusion import noise_of
+from gsedit.paper.protocol import for_settings, levels_for
 
 pytestmark = pytest.mark.usefixtures("offline")
 CELLS = (16, 16)

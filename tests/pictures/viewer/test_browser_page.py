@@ -17,11 +17,11 @@ from command_line import gsedit
 from point_clouds import ball, cloud
 from scipy.spatial.transform import Rotation
 
-from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.errors import UsageError
 from gsedit.formats.scenes import save
 from gsedit.pictures.viewer import browser
 from gsedit.scene.framing import framing_camera
+from gsedit.views.viewpoints import Viewpoint
 from rasterizer import concatenate
 
 

@@ -8,12 +8,12 @@ import torch
 from command_line import gsedit, one_line
 from point_clouds import ball, cloud
 
-from gsedit.datasets.viewpoints import Viewpoint
 from gsedit.errors import GseditError, UsageError
 from gsedit.formats.scenes import save
 from gsedit.pictures.viewer import drawing
 from gsedit.pictures.viewer.drawing import Look, Panel, Surroundings
 from gsedit.select.region import TINT
+from gsedit.views.viewpoints import Viewpoint
 from rasterizer import Camera, concatenate, look_at
 
 

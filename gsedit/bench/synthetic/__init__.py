@@ -1,0 +1,22 @@
+"""Small scenes with exact pictures, depth, correspondences and edited ground truth."""
+
+from gsedit.bench.synthetic.gallery import demo_scene, scenes
+from gsedit.bench.synthetic.scene import SyntheticScene, Traced, first_hit
+from gsedit.bench.synthetic.splats import (
+    ring_cameras,
+    surface_gaussians,
+    surface_points,
+    traced_dataset,
+)
+
+__all__ = [
+    "SyntheticScene",
+    "Traced",
+    "demo_scene",
+    "first_hit",
+    "ring_cameras",
+    "scenes",
+    "surface_gaussians",
+    "surface_points",
+    "traced_dataset",
+]

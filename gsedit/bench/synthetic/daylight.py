@@ -1,0 +1,114 @@
+"""Exact light of a sun and a sky on synthetic solids, with the shadows that they cast.
+
+`*b` points. Directions are unit vectors in the world; light is linear, colors are as displayed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from gsedit.bench.synthetic.paint import Colors, Paint
+from gsedit.bench.synthetic.scene import SyntheticScene
+from gsedit.bench.synthetic.shapes import Points, Sdf, Triple, gradient
+from gsedit.scene.quaternions import even_directions
+
+GAMMA = 2.2
+"""Exponent of the display."""
+SKY_RAYS = 96
+"""Even directions of the whole sphere, of which the upper half is the sky."""
+SUN_RAYS = 7
+"""Directions on a cone around the sun's, which give its shadow a soft edge."""
+SHADOW_STEPS = 96
+"""Most steps of a ray to the light; those that skim a surface longer count as lit."""
+START, HIT, LEAST_STEP = 0.015, 5e-4, 4e-3
+"""World units of scenes of size 1: where a ray begins above its point, the distance at which it has
+hit a solid, and its least step."""
+
+
+@dataclass(frozen=True)
+class Daylight:
+    """Light of a sun and a sky; an even sky of (1, 1, 1) gives a level, open place its paint."""
+
+    sun: Triple
+    """Direction to the sun, any length."""
+    sunlight: Triple
+    """Linear light on what faces the sun."""
+    sky: Triple
+    """Linear light of the open sky on a level place."""
+    ground: Triple = (0.15, 0.15, 0.15)
+    """Linear light from below on what faces down."""
+    blur: float = 0.035
+    """Half the angle of the sun, radians."""
+
+
+def under(scene: SyntheticScene, coat: Paint, light: Daylight) -> SyntheticScene:
+    """The scene in a paint without light, under another light; its background stays."""
+    return replace(scene, albedo=shone(coat, scene.sdf, light, scene.up, 2 * scene.radius))
+
+
+def shone(coat: Paint, solid: Sdf, light: Daylight, up: Float[Tensor, "3"], reach: float) -> Paint:
+    """The paint under a light; what hides it within `reach` world units casts shadows."""
+    sky = torch.from_numpy(even_directions(SKY_RAYS)).double()
+    sky = sky[sky @ up > 0]
+    sun = sun_rays(light)
+    level = (sky @ up).sum()
+
+    def paint(points: Points) -> Colors:
+        points = points.double()
+        normals = torch.nn.functional.normalize(gradient(solid, points), dim=-1)
+
+        from_sky = arriving(solid, points, normals, sky, reach)[..., None] / level
+        from_sky = from_sky * points.new_tensor(light.sky)
+        from_sun = arriving(solid, points, normals, sun, reach)[..., None] / len(sun)
+        from_sun = from_sun * points.new_tensor(light.sunlight)
+        below = (0.5 - 0.5 * (normals @ up))[..., None] * points.new_tensor(light.ground)
+        shade = (from_sky + from_sun + below) ** (1 / GAMMA)
+        return (coat(points) * shade).clamp(0, 1)
+
+    return paint
+
+
+def arriving(
+    solid: Sdf, points: Points, normals: Points, directions: Float[Tensor, "d 3"], reach: float
+) -> Float[Tensor, "*b"]:
+    """Light on points of the surface from directions of brightness 1 each, less what hides it."""
+    total = points.new_zeros(points.shape[:-1])
+    for direction in directions:
+        facing = (normals @ direction).clamp_min(0)
+        rows = facing > 0
+        start = points[rows] + START * normals[rows]
+        total[rows] += facing[rows] * reaches(solid, start, direction, reach)
+    return total
+
+
+def reaches(
+    solid: Sdf, points: Float[Tensor, "m 3"], direction: Float[Tensor, "3"], reach: float
+) -> Bool[Tensor, " m"]:
+    """Whether nothing hides the light of a direction from points outside the solid."""
+    lit = torch.ones(len(points), dtype=torch.bool)
+    rows = torch.arange(len(points))
+    along = torch.zeros(len(points), dtype=torch.float64)
+    for _ in range(SHADOW_STEPS):
+        if not len(rows):
+            break
+        distance = solid(points[rows] + along[:, None] * direction)
+        lit[rows[distance < HIT]] = False
+        along = along + distance.clamp_min(LEAST_STEP)
+        going = (distance >= HIT) & (along < reach)
+        rows, along = rows[going], along[going]
+    return lit
+
+
+def sun_rays(light: Daylight) -> Float[Tensor, "r 3"]:
+    """Unit directions to the sun's middle and evenly around its rim; float64."""
+    direction = torch.nn.functional.normalize(torch.tensor(light.sun).double(), dim=0)
+    axis = torch.nn.functional.one_hot(direction.abs().argmin(), 3).to(direction)
+    across = torch.nn.functional.normalize(torch.linalg.cross(direction, axis), dim=0)
+    along = torch.linalg.cross(direction, across)
+    angle = torch.arange(SUN_RAYS - 1).double() * (2 * torch.pi / (SUN_RAYS - 1))
+    ring = direction + light.blur * (angle.cos()[:, None] * across + angle.sin()[:, None] * along)
+    return torch.nn.functional.normalize(torch.cat((direction[None], ring)), dim=-1)

@@ -1,1 +1,0 @@
-"""Cameras: orbits, paths, and viewpoints found for a scene without any."""

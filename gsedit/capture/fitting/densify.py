@@ -1,0 +1,128 @@
+"""More Gaussians where pictures disagree most, fewer where nothing shows (Kerbl et al. 2023)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from math import log, sqrt
+from typing import NamedTuple
+
+import torch
+from jaxtyping import Bool, Float, Int
+from torch import Tensor
+
+from gsedit.run.state import tensor_like
+from gsedit.run.step_threads import on_threads
+from rasterizer.camera import Camera
+from rasterizer.project import rotation_matrices
+from rasterizer.scene import Gaussians, concatenate
+
+MOST_DIVIDED = 0.1
+"""Largest share of the Gaussians that divides each time: of the largest positional gradients."""
+PRUNED_OPACITY = 0.005
+"""Opacity below which a Gaussian is removed: an 8-bit picture hardly shows it."""
+DECAY = 0.004
+"""Opacity subtracted from every Gaussian each time; training restores what the photos need."""
+SPLIT_OFFSET = 0.75
+"""The two halves of a Gaussian lie so many standard deviations off its center, along its longest
+axis, and are shorter there by as much as leaves the second moment of both together what it was."""
+SPLIT_LENGTH = sqrt(1 - SPLIT_OFFSET**2)
+"""Length of a half along that axis, in lengths of the whole."""
+
+
+class Densified(NamedTuple):
+    """A scene after densification. `n` Gaussians, of it."""
+
+    scene: Gaussians
+    origin: Int[Tensor, " n"]
+    """The row of the scene before that each came from."""
+    fresh: Bool[Tensor, " n"]
+    """Whether it is new: one half of a divided Gaussian."""
+
+
+class ScreenGradients:
+    """Mean positional gradient of each Gaussian, as seen on screen. Grows with every picture."""
+
+    def __init__(self, count: int) -> None:
+        self.total, self.pictures = torch.zeros(count), torch.zeros(count)
+
+    def state(self) -> dict[str, Tensor]:
+        """Return what was counted, without a copy."""
+        return {"total": self.total, "pictures": self.pictures}
+
+    def load_state(self, state: Mapping[str, Tensor]) -> None:
+        """Go on counting where another was."""
+        self.total = tensor_like(state, "total", self.total)
+        self.pictures = tensor_like(state, "pictures", self.pictures)
+
+    @torch.no_grad()
+    def add(self, gradient: Float[Tensor, "n 3"], scene: Gaussians, camera: Camera) -> None:
+        """Count the gradient of the positions in one picture, where there is one."""
+        # d/d(pixel) is d/d(world) times depth over focal length; counted per half picture, as
+        # INRIA does
+        pose = camera.world_to_camera.to(scene.means)
+        depth = scene.means @ pose[2, :3] + pose[2, 3]
+        size = gradient.norm(dim=-1) * depth.abs() / camera.fx * (camera.width / 2)
+        self.total += size
+        self.pictures += size > 0
+
+    def include(self, other: ScreenGradients) -> None:
+        """Count the pictures of another, of the same Gaussians."""
+        self.total += other.total
+        self.pictures += other.pictures
+
+    @property
+    def mean(self) -> Float[Tensor, " n"]:
+        """Over the pictures in which the Gaussian had a gradient; 0 if there were none."""
+        return self.total / self.pictures.clamp_min(1)
+
+
+@torch.no_grad()
+@on_threads(1)  # the last digits of torch's sigmoid depend on where a thread's part ends
+def densify(scene: Gaussians, gradients: Float[Tensor, " n"], target: int) -> Densified:
+    """Lower all opacities, remove what is transparent, divide what has the largest gradients.
+
+    Opacities fall by DECAY, and by half at most (`faded`). So many divide that there are `target`
+    Gaussians, if they are no more than MOST_DIVIDED of them. A dividing Gaussian becomes two along
+    its longest axis, which together have its mass (the integral of its lowered opacity), mean and
+    covariance: the pictures change little.
+    """
+    scene = faded(scene)
+    alive = scene.opacities > min(PRUNED_OPACITY, float(scene.opacities.max()) / 2)
+    before = int(alive.sum())
+    count = max(0, min(target - before, int(MOST_DIVIDED * before)))
+    strongest = torch.where(alive, gradients, -1.0).topk(count).indices
+    halves = _halves(scene[strongest])
+    alive[strongest] = False
+    kept = alive.nonzero().squeeze(-1)
+    origin = torch.cat((kept, strongest, strongest))
+    fresh = torch.arange(len(origin)) >= len(kept)
+    return Densified(concatenate(scene[kept], *halves), origin, fresh)
+
+
+def faded(scene: Gaussians, decay: float = DECAY) -> Gaussians:
+    """The scene with every opacity lower by `decay`, or by half where that is less.
+
+    What no photo raises again becomes transparent, and what is removed makes room for more where
+    the pictures disagree: as brush does, and instead of the resets of Kerbl et al.
+    """
+    opacities = torch.maximum(scene.opacities - decay, scene.opacities / 2)
+    # an opacity of 1, which a tiny decay rounds to, has no finite logit
+    logits = torch.minimum(scene.logit_opacities, torch.logit(opacities))
+    return replace(scene, logit_opacities=logits)
+
+
+def _halves(parents: Gaussians) -> tuple[Gaussians, Gaussians]:
+    """The two that each becomes."""
+    longest, axis = parents.scales.max(-1)
+    rotation = rotation_matrices(parents.quats)
+    direction = rotation.gather(2, axis[:, None, None].expand(-1, 3, 1)).squeeze(-1)
+    offset = SPLIT_OFFSET * longest[:, None] * direction
+    shorter = torch.nn.functional.one_hot(axis, 3) * log(SPLIT_LENGTH)
+    opacity = parents.opacities / (2 * SPLIT_LENGTH)
+    half = replace(
+        parents,
+        log_scales=parents.log_scales + shorter,
+        logit_opacities=torch.logit(opacity),
+    )
+    return replace(half, means=half.means - offset), replace(half, means=half.means + offset)

@@ -1,0 +1,426 @@
+"""Gaussians from posed photos: coarse to fine, densified where the pictures disagree most.
+
+The recipe is Kerbl et al. 2023 (3D Gaussian Splatting), shortened to the few thousand steps a CPU
+can take.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import chain
+from math import inf, sqrt
+from typing import Any
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from gsedit.capture.fitting.budget import Budget
+from gsedit.capture.fitting.densify import ScreenGradients, densify
+from gsedit.capture.fitting.exposure import Exposures
+from gsedit.capture.fitting.initial import Once, initial_scene
+from gsedit.capture.fitting.optimizer import SceneOptimizer, optimized_scene
+from gsedit.capture.fitting.photometric import SMALLEST, photometric, supervised
+from gsedit.capture.fitting.settings import FitSettings
+from gsedit.errors import UsageError
+from gsedit.measures.decibels import rmse_from_psnr
+from gsedit.measures.metrics import psnr
+from gsedit.pictures import notebook
+from gsedit.run.events import Checkpoint, Event
+from gsedit.run.json_lines import plain
+from gsedit.run.ranks import ALONE, Ranks
+from gsedit.run.state import State, check_same, digest, digest_of, restoring, tensor_like
+from gsedit.run.step_threads import StepThreads
+from gsedit.scene.picture import render_picture
+from gsedit.views.dataset import Dataset, View
+from gsedit.views.lazy_views import PixelCache
+from rasterizer.blending.choose import is_compiled
+from rasterizer.numerics import AUTO, Execution
+from rasterizer.render import render
+from rasterizer.scene import Gaussians
+
+RATES = {
+    "means": 6.4e-4,
+    "quats": 4e-3,
+    "log_scales": 4e-2,
+    "logit_opacities": 1e-1,
+    "sh": 4e-2,
+}
+"""Learning rates by field; that of positions times the scene's radius. Colors, opacities and
+scales move faster than in 3D Gaussian splatting: a fit here has a few thousand steps and not
+30,000."""
+FINAL_RATE = {"means": 0.02, "sh": 0.2, "log_scales": 0.3, "logit_opacities": 0.3, "quats": 0.3}
+"""Each rate decays exponentially to this fraction at the end of the budget."""
+FREE = ("checkpoint_seconds", "execution", "report_every")
+"""Settings that may change when a fit goes on: they do not change the scene."""
+PLAIN = ("order", "curve", "loss", "next_evaluation", "last_checkpoint", "started_with")
+"""Names of the state of a fit that is no tensor."""
+SWEEP_SHARE = 0.25
+"""Share of the budget's seconds after which the plane sweep of the start ends: 84 photos at 256
+pixels take 3."""
+SMALLEST_COARSE = 32
+"""Pixels on the longer side: a coarse picture has no fewer, whatever its factor."""
+GROWTH_SHARE = 0.6
+"""Share of the budget after which the number of Gaussians is left alone."""
+LOSS_DECAY = 0.95
+"""Decay per step of the running mean of the loss that events report."""
+
+
+@dataclass(frozen=True, eq=False)
+class FitResult:
+    """Result of a fit: the scene and its measurements."""
+
+    scene: Gaussians
+    psnr: float
+    """Mean over the held-out views, dB."""
+    steps: int
+    seconds: float
+    curve: tuple[tuple[float, float], ...]
+    """(seconds, held-out dB) at every evaluation."""
+
+    def __repr__(self) -> str:
+        return f"FitResult({self.scene!r}, {self.psnr:.1f} dB, {self.steps} steps)"
+
+    def _repr_png_(self) -> bytes | None:
+        """Picture that a notebook shows."""
+        return notebook.attempt(lambda: notebook.scene_png(self.scene))
+
+    def _repr_html_(self) -> str | None:
+        """Picture and measurements for a notebook."""
+        rows = {
+            "held-out PSNR": notebook.decibels(self.psnr),
+            "steps": f"{self.steps:,}",
+            "seconds": f"{self.seconds:.0f}",
+        }
+        return notebook.attempt(
+            lambda: notebook.as_html("Fit", rows, notebook.scene_png(self.scene))
+        )
+
+
+def fit_steps(
+    dataset: Dataset,
+    settings: FitSettings | None = None,
+    *,
+    generator: torch.Generator,
+    start: Gaussians | None = None,
+    resume: State | None = None,
+    ranks: Ranks = ALONE,
+    clock: Callable[[], float] = time.monotonic,
+) -> Iterator[Event | Checkpoint | FitResult]:
+    """Fit a scene; yields progress, checkpoints now and then, and last the result.
+
+    Every 8th view is never trained on. The budget's seconds are the clock's. With the state of a
+    checkpoint, the same fit goes on from there, with what is left of its budget. Every one of
+    several `ranks` is given the same and yields the same. Raises UsageError if there is nothing to
+    train on, for photos that are too small, and for the state of another fit.
+    """
+    settings = settings or FitSettings()
+    train, held_out = dataset.split()
+    if not train:
+        raise UsageError(
+            f"{len(dataset)} view(s) are too few to fit: every 8th is held out; add photos"
+        )
+    check_sizes(dataset.views, settings)
+    settings = replace(settings, batch=settings.batch or ranks.size)
+    asked = requested(dataset, settings, generator, start)
+    ranks.check_same("what is fitted", [asked])
+    if resume is not None:
+        with restoring(resume):
+            check_same(asked, resume.record["request"], "fit")
+            start = optimized_scene(resume.within("optimizer"))
+    agree = None if ranks.size == 1 else ranks.first  # the clock of rank 0 decides
+    done = (
+        {} if resume is None else {"step": resume.record["step"], "spent": resume.record["seconds"]}
+    )
+    # it runs from here on: the start from the photos is part of it
+    budget = Budget(settings.steps, settings.seconds, agree=agree, clock=clock, **done)
+    if start is None:
+        start = _start(dataset, settings, generator, budget, ranks.once)
+    extent = _camera_extent(dataset.views)
+    work = _Fit(start, train, held_out, extent, settings, generator, asked, budget, ranks)
+    del start  # the optimizer has copies
+    if resume is not None:
+        with restoring(resume):
+            work.load_state(resume)
+    threads = StepThreads()
+    while not work.budget.finished:
+        with threads.step():
+            work.step()
+        work.densify_if_due()
+        yield from work.report()
+        yield from work.checkpoint_if_due()
+    yield from work.finish()
+
+
+def fit(
+    dataset: Dataset,
+    settings: FitSettings | None = None,
+    *,
+    generator: torch.Generator | None = None,
+    start: Gaussians | None = None,
+) -> FitResult:
+    """`fit_steps` to the end."""
+    generator = generator or torch.Generator().manual_seed(0)
+    steps = fit_steps(dataset, settings, generator=generator, start=start)
+    last = deque(steps, maxlen=1).pop()  # checkpoints are whole scenes: none is kept
+    assert isinstance(last, FitResult)
+    return last
+
+
+def evaluate(
+    scene: Gaussians,
+    views: tuple[View, ...],
+    execution: Execution = AUTO,
+    ranks: Ranks = ALONE,
+) -> float:
+    """Mean PSNR over views, dB, where their masks are True; infinite where all are equal.
+
+    A view that is masked throughout does not count. Raises UsageError where all are.
+    """
+    views = tuple(view for view in views if view.mask is None or view.mask.any())
+    if not views:
+        raise UsageError("the masks hide every held-out photo: give masks that leave some pixels")
+
+    def measured(rows: Int[Tensor, " v"]) -> Float[Tensor, " v"]:
+        chosen = [views[i] for i in rows.tolist()]
+        pictures = (render_picture(scene, v.camera, execution) for v in chosen)
+        decibels = [psnr(picture, v.image, v.mask) for picture, v in zip(pictures, chosen)]
+        return torch.tensor(decibels, dtype=torch.float64)
+
+    return sum(ranks.rows(measured, torch.arange(len(views))).tolist()) / len(views)
+
+
+class _Fit:
+    """A fit in progress: the one place with state."""
+
+    def __init__(
+        self, scene: Gaussians, train: tuple[View, ...], held_out: tuple[View, ...],
+        extent: float, settings: FitSettings, generator: torch.Generator, asked: dict[str, Any],
+        budget: Budget, ranks: Ranks,
+    ) -> None:  # fmt: skip
+        self.asked, self.budget = asked, budget
+        self.settings, self.generator, self.held_out = settings, generator, held_out
+        self.batch = settings.batch or 1
+        rates = {**RATES, "means": RATES["means"] * extent}
+        rates = {name: rate * sqrt(self.batch) for name, rate in rates.items()}
+        compiled = is_compiled(settings.execution)
+        self.optimizer = SceneOptimizer(scene, rates, compiled=compiled, ranks=ranks)
+        self.pyramid = pyramid(train, (factor for _, factor in settings.coarse))
+        self.gradients = ScreenGradients(len(scene))
+        self.started_with = len(scene)
+        self.exposures = Exposures(train, settings.exposure)
+        self.order: list[int] = []
+        self.curve: list[tuple[float, float]] = []
+        self.loss: float | None = None
+        self.next_evaluation, self.last_checkpoint = 0.0, 0.0
+
+    def state(self) -> State:
+        """All that changes during a fit; the tensors are the fit's own."""
+        tensors = {f"optimizer.{name}": each for name, each in self.optimizer.state().items()}
+        tensors |= {f"gradients.{name}": each for name, each in self.gradients.state().items()}
+        tensors |= {f"exposures.{name}": each for name, each in self.exposures.state().items()}
+        tensors["generator"] = self.generator.get_state()
+        record = {
+            "request": self.asked,
+            "step": self.budget.step,
+            "seconds": self.budget.seconds,
+            **{name: getattr(self, name) for name in PLAIN},
+        }
+        return State(record, tensors)
+
+    def load_state(self, state: State) -> None:
+        """Go on where the fit was that was interrupted."""
+        record = state.record
+        self.optimizer.load_state(state.within("optimizer"))
+        self.gradients.load_state(state.within("gradients"))
+        self.exposures.load_state(state.within("exposures"))
+        now = self.generator.get_state()
+        self.generator.set_state(tensor_like(state.tensors, "generator", now))
+        for name in PLAIN:
+            setattr(self, name, record[name])
+        if not set(self.order) <= set(range(len(self.pyramid[1]))):
+            raise ValueError("its order names photos that are not there")
+        self.curve = [(seconds, decibels) for seconds, decibels in record["curve"]]
+
+    def step(self) -> None:
+        """One optimizer step on a batch of photos, or on this process's share of them."""
+        optimizer, scene = self.optimizer, self.optimizer.scene
+        # in front of a random color, every hole in the scene costs where the photo is opaque
+        photos = [
+            (self._next_view(), torch.rand(3, generator=self.generator)) for _ in range(self.batch)
+        ]
+        seen, loss = ScreenGradients(len(scene)), torch.zeros(())
+        for view, background in optimizer.share(photos):
+            one = self._loss(scene, view, background)
+            # called with the gradient of this photo alone, before it is added to that of the others
+            hook = scene.means.register_hook(partial(seen.add, scene=scene, camera=view.camera))
+            one.backward()
+            hook.remove()
+            loss += one.detach()
+        optimizer.add_up(seen.total, seen.pictures, loss, *self.exposures.of_step)
+        self.exposures.move()
+        self.gradients.include(seen)
+        optimizer.step({k: v**self.budget.progress for k, v in FINAL_RATE.items()})
+        self.budget.count_step()
+        self._count_loss(loss.item() / self.batch)
+
+    def _loss(self, scene: Gaussians, view: View, background: Float[Tensor, "3"]) -> Tensor:
+        """Loss of one photo."""
+        settings = self.settings
+        picture = render(
+            scene, view.camera, background=background, execution=settings.execution
+        ).color
+        photo = view.over(background)
+        picture = self.exposures.compensated(picture, view, photo)
+        picture, photo = supervised(picture, photo, view.mask)
+        compiled = is_compiled(settings.execution)
+        return photometric(picture, photo, settings.dssim_weight, compiled=compiled)
+
+    def _count_loss(self, value: float) -> None:
+        """The running mean starts at the first value."""
+        if self.loss is not None:
+            value = LOSS_DECAY * self.loss + (1 - LOSS_DECAY) * value
+        self.loss = value
+
+    def _next_view(self) -> View:
+        """A photo as coarse as the budget says; each once in a random order, then anew."""
+        until = self.settings.coarse
+        factor = next((f for fraction, f in until if self.budget.progress < fraction), 1)
+        views = self.pyramid[factor]
+        if not self.order:
+            self.order = torch.randperm(len(views), generator=self.generator).tolist()
+        return views[self.order.pop()]
+
+    def densify_if_due(self) -> None:
+        """Densify every so many steps."""
+        settings, budget, optimizer = self.settings, self.budget, self.optimizer
+        due = budget.step % settings.densify_every == 0
+        if due and budget.progress < GROWTH_SHARE:
+            scene, gradients = optimizer.scene.detach(), self.gradients.mean
+            grown = densify(scene, gradients, self._gaussians_due())
+            optimizer.replace(*grown)
+            self.gradients = ScreenGradients(len(grown.scene))
+
+    def _gaussians_due(self) -> int:
+        """How many there are to be by now: from the start's number evenly to the limit."""
+        most, grown = self.settings.max_gaussians, self.budget.progress / GROWTH_SHARE
+        return min(most, round(self.started_with + grown * (most - self.started_with)))
+
+    def report(self) -> Iterator[Event]:
+        """A measurement on the held-out views if one is due, otherwise the loss now and then."""
+        budget, every = self.budget, self.settings.evaluations
+        if budget.progress >= self.next_evaluation and not budget.finished:
+            self.next_evaluation = (int(budget.progress * every) + 1) / every
+            yield self._measure(self.optimizer.scene.detach())
+        elif budget.step % self.settings.report_every == 0:
+            yield self._event("fit", f"{len(self.optimizer.scene):,} Gaussians")
+
+    def checkpoint_if_due(self) -> Iterator[Checkpoint]:
+        """The scene as it is, every so many seconds."""
+        seconds = self.budget.seconds
+        if seconds - self.last_checkpoint > self.settings.checkpoint_seconds:
+            self.last_checkpoint = seconds
+            yield Checkpoint(self.state(), self.budget.step, seconds, self._copy_scene)
+
+    def _copy_scene(self) -> Gaussians:
+        return self.optimizer.scene.detach().map(torch.clone)
+
+    def finish(self) -> Iterator[Event | FitResult]:
+        """The last measurement, and the result."""
+        scene = self._copy_scene()
+        yield self._measure(scene)
+        steps, seconds = self.budget.step, self.budget.seconds
+        yield FitResult(scene, self.curve[-1][1], steps, seconds, tuple(self.curve))
+
+    def _measure(self, scene: Gaussians) -> Event:
+        decibels = evaluate(scene, self.held_out, self.settings.execution, self.optimizer.ranks)
+        self.curve.append((self.budget.seconds, decibels))
+        note = f"{len(scene):,} Gaussians, {decibels:.2f} dB"
+        return self._event("measure", note, rmse_from_psnr(decibels))
+
+    def _event(self, stage: str, note: str, error: float | None = None) -> Event:
+        budget = self.budget
+        return Event(stage, budget.seconds, budget.step, budget.steps, self.loss, error, note)
+
+
+def _start(
+    dataset: Dataset, settings: FitSettings, generator: torch.Generator, budget: Budget,
+    once: Once,
+) -> Gaussians:  # fmt: skip
+    """Start of a fit that is given no scene."""
+    return initial_scene(
+        dataset,
+        settings.sh_degree,
+        generator,
+        swept=settings.dense_start,
+        at_most=settings.max_gaussians,
+        once=once,
+        out_of_time=lambda: budget.seconds > SWEEP_SHARE * (settings.seconds or inf),
+    )
+
+
+def check_sizes(views: Sequence[View], settings: FitSettings) -> None:
+    """Raise UsageError for a photo that is too small for the loss."""
+    small = min(views, key=lambda view: min(view.camera.width, view.camera.height))
+    width, height = small.camera.width, small.camera.height
+    if settings.dssim_weight and min(width, height) < SMALLEST:
+        raise UsageError(
+            f"{small.name} has {width}x{height} pixels, and SSIM needs {SMALLEST} a side: fit to "
+            "larger photos, or give --dssim-weight 0"
+        )
+
+
+def pyramid(views: Sequence[View], factors: Iterable[int]) -> dict[int, tuple[View, ...]]:
+    """By factor, 1 among them: the views on grids so many times coarser, made when they are first
+    needed. A view whose coarse picture would be too small is made less coarse, or stays."""
+    kept = PixelCache()
+    return {
+        factor: tuple(_coarse(view, factor, kept) for view in views) for factor in (1, *factors)
+    }
+
+
+def _coarse(view: View, factor: int, kept: PixelCache) -> View:
+    camera = view.camera
+    sides = (camera.width, camera.height)
+    factor = max(1, min(factor, max(sides) // SMALLEST_COARSE))
+    if min(sides) // factor < SMALLEST:
+        return view
+    return kept.resized(view, *(side // factor for side in sides))
+
+
+def requested(
+    dataset: Dataset,
+    settings: FitSettings,
+    generator: torch.Generator,
+    start: Gaussians | None,
+) -> dict[str, Any]:
+    """Request as JSON: a fit resumes where this is the same."""
+    cameras = [view.camera for view in dataset.views]
+    poses = torch.stack([camera.world_to_camera.double() for camera in cameras])
+    lenses = torch.tensor([[c.fx, c.fy, c.cx, c.cy] for c in cameras], dtype=torch.float64)
+    fields = () if start is None else vars(start).values()
+    pixels = chain.from_iterable(_levels(view) for view in dataset.views)
+    return {
+        "photos": f"{len(dataset)}, the first of {cameras[0].width}x{cameras[0].height}, "
+        + digest_of(chain([poses, lenses.round(decimals=6)], pixels)),
+        "settings": {name: v for name, v in plain(settings).items() if name not in FREE},
+        "from": None if start is None else f"{len(start)} Gaussians, {digest(*fields)}",
+        "seed": generator.initial_seed(),
+    }
+
+
+def _levels(view: View) -> list[Tensor]:
+    """All that a photo says, in 8 bits."""
+    given = (view.image, view.alpha)
+    levels = [(255 * each).round().byte() for each in given if each is not None]
+    return levels if (mask := view.mask) is None else [*levels, mask]
+
+
+def _camera_extent(views: tuple[View, ...]) -> float:
+    """1.1 times the largest distance of a camera from the cameras' mean: INRIA's extent."""
+    centers = torch.stack([v.camera.center for v in views])
+    return max(1e-3, 1.1 * float((centers - centers.mean(0)).norm(dim=-1).max()))

@@ -1,0 +1,197 @@
+"""Adam over a scene's fields, a learning rate each, of which a step may touch few rows.
+
+`n` Gaussians, of which a step draws `m`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import isqrt
+from typing import TypeVar
+
+import torch
+from jaxtyping import Bool, Int
+from torch import Tensor
+
+from gsedit.capture.fitting.lazy_adam import LazyAdam
+from gsedit.run.ranks import ALONE, Ranks
+from gsedit.run.state import tensor_like
+from rasterizer.numerics import color_to_sh
+from rasterizer.scene import Gaussians
+
+SH_REST = 1 / 20
+"""View-dependent color learns this much slower than base color (Kerbl et al. 2023): it is where
+contradictions between views would hide. A rate of its own: Adam does not feel a scaled gradient."""
+
+T = TypeVar("T")
+
+LOWEST_COLOR = 1 / 255
+"""Lowest base color of a Gaussian to be fitted: one step of an 8-bit picture, above the clamp at
+0."""
+
+
+class SceneOptimizer:
+    """The one place where a scene changes: leaf tensors and their Adam moments, row for row.
+
+    `rates` names the fields that move; "sh" moves its first coefficient at that rate, and the
+    others `SH_REST` times slower. Rows that never get a gradient never move: their moments stay
+    exactly zero.
+
+    A step is computed from `scene`, or from a few rows of it (`draw`); both move the scene alike.
+    """
+
+    def __init__(
+        self,
+        scene: Gaussians,
+        rates: Mapping[str, float],
+        *,
+        compiled: bool = False,
+        ranks: Ranks = ALONE,
+    ) -> None:
+        """`compiled`: steps by a C++ kernel, where there is one; equal to rounding. `ranks` share
+        out the work of a step (`share`) and add up its gradients (`add_up`)."""
+        self.ranks = ranks
+        self._rates = dict(rates)
+        values = vars(scene.detach())
+        self._constant = {k: v for k, v in values.items() if k not in self._rates}
+        self._leaves = {k: values[k].clone().requires_grad_() for k in self._rates}
+        slow = torch.full((scene.sh.shape[1], 1), SH_REST)
+        slow[0] = 1
+        self._adam = LazyAdam(len(scene), shares={"sh": slow}, compiled=compiled)
+        self._drawn: tuple[Int[Tensor, " m"], dict[str, Tensor]] | None = None
+
+    @property
+    def scene(self) -> Gaussians:
+        """The scene as leaves: gradients of anything computed from it reach the optimizer."""
+        self._adam.settle(self._leaves)
+        return Gaussians(**self._constant, **self._leaves)
+
+    def __len__(self) -> int:
+        return next(iter({**self._constant, **self._leaves}.values())).shape[0]
+
+    def draw(self, rows: Int[Tensor, " m"]) -> Gaussians:
+        """These rows of the scene as leaves: the next `step` is computed from their gradients, in
+        time and memory that do not depend on `n`. Rows ascend; none is there twice.
+        """
+        self._adam.settle(self._leaves, rows)
+        few = {k: v.detach().index_select(0, rows) for k, v in self._leaves.items()}
+        leaves = {k: v.requires_grad_() for k, v in few.items()}
+        self._drawn = rows, leaves
+        constant = {k: v.index_select(0, rows) for k, v in self._constant.items()}
+        return Gaussians(**constant, **leaves)
+
+    def gradient(self, name: str) -> Tensor:
+        """Gradient of one field after a backward pass; zeros if there is none."""
+        leaf = self._leaves[name]
+        return torch.zeros_like(leaf) if leaf.grad is None else leaf.grad
+
+    def share(self, items: Sequence[T]) -> Sequence[T]:
+        """This rank's share of what the next step is computed from: maybe none."""
+        return items[self.ranks.share(len(items))]
+
+    def add_up(self, *more: Tensor) -> None:
+        """Sum the gradients of the next step over the ranks, and with them `more`, in place.
+
+        Ranks may have drawn other rows, or none. Raises LostRankError.
+        """
+        ranks = self.ranks
+        if ranks.size == 1:
+            return
+        rows, leaves = self._drawn or (None, self._leaves)
+        if rows is None:
+            idle = all(leaf.grad is None for leaf in leaves.values())
+            rows = torch.arange(0 if idle else len(self))
+        every = ranks.union(rows, len(self))
+        places = torch.searchsorted(every, rows)
+        summed = {}
+        for name, leaf in leaves.items():
+            summed[name] = leaf.new_zeros(len(every), *leaf.shape[1:])
+            if leaf.grad is not None:
+                summed[name][places] = leaf.grad
+        ranks.add_up([*summed.values(), *more])
+        if self._drawn or len(every) < len(self):
+            self._adam.settle(self._leaves, every)
+            leaves = {name: torch.zeros_like(gradient) for name, gradient in summed.items()}
+            self._drawn = every, leaves
+        for name, leaf in leaves.items():
+            leaf.grad = summed[name]
+
+    def step(
+        self, scale: Mapping[str, float] | float = 1.0, only: Bool[Tensor, " n"] | None = None
+    ) -> None:
+        """One Adam step at the fields' rates times `scale`; forgets the gradients.
+
+        Rows outside `only` are taken to have no gradient.
+        """
+        rates = {
+            name: rate * (scale if isinstance(scale, (int, float)) else scale.get(name, 1.0))
+            for name, rate in self._rates.items()
+        }
+        rows, leaves = self._drawn or (None, self._leaves)
+        self._drawn = None
+        gradients = {k: v.grad for k, v in leaves.items() if v.grad is not None}
+        if only is not None:
+            outside = ~(only if rows is None else only.index_select(0, rows))
+            for gradient in gradients.values():
+                gradient[outside] = 0
+        if rows is None:
+            self._adam.settle(self._leaves)
+        self._adam.step(self._leaves, gradients, rates, rows)
+        for leaf in self._leaves.values():
+            leaf.grad = None
+
+    @torch.no_grad()
+    def raise_negative_colors(self, only: Bool[Tensor, " n"]) -> None:
+        """Raise base colors that are below 1/255 to it, in the rows `only`.
+
+        A renderer clamps negative colors to 0, where they have no gradient: a leaf whose blue is
+        negative would stay yellow whatever the pictures show. Captured scenes have many (10 % of
+        the bear's Gaussians in blue). Does nothing where colors do not move.
+        """
+        sh = self._leaves.get("sh")
+        if sh is not None:
+            self._adam.settle(self._leaves)
+            base = sh[:, :1]
+            lowest = color_to_sh(LOWEST_COLOR)
+            base.copy_(torch.where(only[:, None, None], base.clamp_min(lowest), base))
+
+    def replace(
+        self, scene: Gaussians, origin: Int[Tensor, " n"], fresh: Bool[Tensor, " n"]
+    ) -> None:
+        """Continue with another scene: row i keeps row origin[i]'s moments unless it is fresh."""
+        self._adam.settle(self._leaves)
+        values = vars(scene.detach())
+        self._constant = {name: values[name] for name in self._constant}
+        self._leaves = {k: values[k].clone().requires_grad_() for k in self._rates}
+        self._adam = self._adam.selected(origin, fresh)
+
+    def state(self) -> dict[str, Tensor]:
+        """Everything that changes here, by name: what moves, its moments, the number of steps."""
+        self._adam.settle(self._leaves)
+        leaves = {f"value.{name}": leaf.detach() for name, leaf in self._leaves.items()}
+        return leaves | self._adam.state()
+
+    @torch.no_grad()
+    def load_state(self, state: Mapping[str, Tensor]) -> None:
+        """Continue from a `state` of an optimizer of the same scene and rates.
+
+        Raises ValueError where the names or shapes are others.
+        """
+        for name, leaf in self._leaves.items():
+            leaf.copy_(tensor_like(state, f"value.{name}", leaf))
+        self._adam.load_state(state, self._leaves)
+
+
+def optimized_scene(state: Mapping[str, Tensor], start: Gaussians | None = None) -> Gaussians:
+    """The scene of an optimizer's `state`: the one that it started from, with what moved.
+
+    None for `start` where everything moves. Raises ValueError and TypeError for no such state.
+    """
+    still = {} if start is None else vars(start)
+    moved = {k.removeprefix("value."): v for k, v in state.items() if k.startswith("value.")}
+    scene = Gaussians(**{**still, **moved})
+    n, *_ = scene.means.shape
+    sh = (n, isqrt(scene.sh.shape[1]) ** 2, 3)
+    shapes = ((n, 3), (n, 4), (n, 3), (n,), sh)
+    wanted = [torch.empty(shape, device="meta") for shape in shapes]
+    return Gaussians(*(tensor_like(vars(scene), k, each) for k, each in zip(vars(scene), wanted)))

@@ -1,0 +1,1 @@
+"""Changes on the Gaussians: materials, light, weather, objects."""

@@ -1,0 +1,367 @@
+"""A part of a scene in a material: its Gaussians get the colors that it has in the scene's light.
+
+Nothing moves, and nothing else changes: colors agree between views since they are the Gaussians'.
+What is carved stays under the new material, and paint goes. A Gaussian that is darker than those
+around it lies in a carved line, or is painted so: it counts as carved as far as its hue is that of
+its surroundings, and surely where the surface is hollow.
+`n` Gaussians, `m` of them inside the part, `v` directions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float, Int
+from torch import Tensor
+
+from gsedit.change.materials.patterns import Ground, coverage
+from gsedit.change.materials.shading import (
+    RAYS,
+    Lighting,
+    Skin,
+    arriving,
+    body,
+    everywhere,
+    lighting,
+    outgoing,
+    ray_directions,
+    reflectance,
+)
+from gsedit.change.materials.table import Material
+from gsedit.errors import UsageError
+from gsedit.scene.cache import cached_per_scene
+from gsedit.scene.color_space import LUMINANCE, linear_of_srgb, srgb_of_linear
+from gsedit.scene.framing import guess_up
+from gsedit.scene.quantiles import ends
+from gsedit.scene.quaternions import even_directions, turn_between
+from gsedit.views.dataset import evenly_spaced
+from gsedit.views.normals import estimate_normals, neighbor_means, rows_near, visible_area
+from gsedit.views.paths import up_of
+from gsedit.views.shadows import past_body
+from gsedit.views.surroundings import (
+    FAINT,
+    USUAL_ALBEDO,
+    as_shaded,
+    balanced,
+    find_surroundings,
+    light_at,
+    middle,
+    with_studio,
+)
+from rasterizer.camera import Camera
+from rasterizer.harmonics import basis
+from rasterizer.numerics import AUTO, SH_DC, Execution, sh_to_color
+from rasterizer.scene import Gaussians
+
+ROUNDS = 12
+"""Means over the nearest neighbors, one after the other: the surroundings of a Gaussian."""
+DETAIL = (0.45, 1.15)
+"""Least and largest ratio to the surroundings, in linear light, that counts as carving."""
+HUE = 0.12
+"""Difference in the share of a channel at which a color is half paint."""
+FLAT = 0.6
+"""Share of darkness that stays where the surface is not hollow."""
+DEPTH = 3.0
+"""Slope of a carved line, against the change of the logarithm of light between neighbors."""
+HOLLOW = 0.12
+"""Mean sine at which neighbors stand above a surface that is fully hollow."""
+
+
+@dataclass(frozen=True, eq=False)
+class Relief:
+    """How a surface is carved."""
+
+    detail: Float[Tensor, " n"]
+    """Factor on the light, about 1 where nothing is carved."""
+    hollow: Float[Tensor, " n"]
+    """How hollow or carved it is there, in [0, 1]."""
+    color: Float[Tensor, "n 3"]
+    """Linear color of the surroundings of each Gaussian on the surface."""
+
+    @property
+    def luminance(self) -> Float[Tensor, " n"]:
+        """Linear luminance of that color."""
+        return self.color @ torch.from_numpy(LUMINANCE).to(self.color)
+
+
+def carved(part: Gaussians, normals: Float[Tensor, "n 3"], rows: Int[Tensor, "n k"]) -> Relief:
+    """The relief of a subject's Gaussians; `rows` are those of the nearest to each."""
+    weights = torch.from_numpy(LUMINANCE).to(part.means)
+    display = sh_to_color(part.sh[:, 0]).clamp(0, 1).double().numpy()
+    linear = torch.from_numpy(linear_of_srgb(display)).to(part.means) + 1e-3
+    if not rows.shape[1]:
+        ones = part.means.new_ones(len(part))
+        return Relief(ones, torch.zeros_like(ones), linear)
+    size = visible_area(part).clamp_min(1e-30)[:, None].to(linear)
+    around = neighbor_means(
+        torch.cat((linear, torch.ones_like(linear[:, :1])), 1) * size, rows, ROUNDS
+    )
+    around = around[:, :3] / around[:, 3:]
+    near = neighbor_means(linear, rows, 1)
+    ratio = (near @ weights) / (around @ weights)
+    hue = (near / near.sum(1, keepdim=True) - around / around.sum(1, keepdim=True)).abs().amax(1)
+    hue = hue * ratio.clamp(0, 1)  # what is black has no hue: it may be a crack
+    stone = 1 / (1 + (hue / HUE).square())
+    offset = torch.nn.functional.normalize(part.means[rows] - part.means[:, None], dim=-1)
+    rise = neighbor_means(((offset * normals[:, None]).sum(-1)).mean(1, keepdim=True), rows, 2)[
+        :, 0
+    ]
+    hollow = (rise / HOLLOW).clamp(0, 1)
+    kept = stone * (FLAT + (1 - FLAT) * hollow)
+    detail = ratio.clamp(*DETAIL) ** kept
+    dark = ((1 - ratio) / (1 - DETAIL[0])).clamp(0, 1) * stone
+    return Relief(detail, torch.maximum(hollow, dark).clamp(0, 1), around)
+
+
+def engraved(
+    points: Float[Tensor, "n 3"],
+    normals: Float[Tensor, "n 3"],
+    relief: Relief,
+    rows: Int[Tensor, "n k"],
+) -> Float[Tensor, "n 3"]:
+    """Unit normals as if what is dark lay deeper: carving that is finer than the normals show
+    turns reflections too."""
+    if not rows.shape[1]:
+        return normals
+    height = relief.detail.log()
+    offset = torch.nn.functional.normalize(points[rows] - points[:, None], dim=-1)
+    slope = ((height[rows] - height[:, None])[..., None] * offset).mean(1)
+    slope = slope - (slope * normals).sum(-1, keepdim=True) * normals
+    return torch.nn.functional.normalize(normals - DEPTH * slope, dim=-1)
+
+
+RIDGE = (0.0, 1e-3, 2e-3, 4e-3)
+"""Penalty of the squared coefficients of each degree, against the squared error of colors."""
+
+
+def fitted(
+    colors: Float[Tensor, "n v 3"],
+    directions: Float[Tensor, "v 3"],
+    weights: Float[Tensor, "n v"],
+    degree: int,
+) -> Float[Tensor, "n k 3"]:
+    """Coefficients with the least weighted squared error to display colors less 0.5.
+
+    `directions` are unit vectors from cameras to Gaussians. Weights need not sum to 1; a row of
+    zeros has coefficients of zero.
+    """
+    harmonics = basis(directions, degree)
+    k = harmonics.shape[1]
+    share = weights / weights.sum(1, keepdim=True).clamp_min(1e-9)
+    products = (harmonics[:, :, None] * harmonics[:, None]).reshape(len(directions), k * k)
+    penalty = torch.tensor([RIDGE[band] for band in range(degree + 1) for _ in range(2 * band + 1)])
+    matrix = (share @ products).reshape(-1, k, k) + torch.diag(penalty.to(share) + 1e-6)
+    right = torch.einsum("nv,vk,nvc->nkc", share, harmonics, colors - 0.5)
+    return torch.cholesky_solve(right, torch.linalg.cholesky(matrix))
+
+
+DEGREE = 3
+"""SH degree of what reflects."""
+CAMERAS = 40
+"""Most cameras whose directions colors are fitted to."""
+BEHIND = 0.1
+"""Sine beyond the horizon up to which a surface is seen: its Gaussians are not flat."""
+AROUND = 96
+"""Directions, even over the sphere, that colors are fitted to."""
+SHARPNESS = 10.0
+"""Sharpness of a camera's weight over directions: half at 21 degrees."""
+AROUND_WEIGHT = 0.05
+"""Weight of directions without cameras, against the mean one."""
+WHITENED = 0.6
+"""Share of white in light that is much too bright for a display."""
+UNSURE = 0.5
+"""Median confidence of normals below which Gaussians show no surface."""
+NEAR_EYES = 0.02
+"""Distance, in radii of a part that cameras stand in, up to which it is not its surroundings."""
+LEVELS = (0.1, 1.6)
+"""Least and largest light on such a part, as its old colors tell it."""
+STUDIO = "nothing is around it: it is lit by a studio"
+DIM = "what is around it is too dark to have lit it: a studio lights it where nothing is"
+RAISED = "reflections need SH of degree 3: the scene had {}, and its file grows"
+AT_ONCE = 1024
+"""Gaussians that are shaded at once: 4 million pairs of cameras and directions, 16 MB."""
+
+
+@dataclass(frozen=True, eq=False)
+class Studied:
+    """Knowledge of a part of a scene that shading it in any material needs."""
+
+    light: Lighting
+    skin: Skin
+    ground: Ground
+    sides: Float[Tensor, "m 2 3"]
+    """Light that arrives in front of and behind each Gaussian, of a grey subject."""
+    sure: float
+    """Median confidence of the normals."""
+    notes: tuple[str, ...] = ()
+    """Remarks for a person."""
+
+
+@dataclass(frozen=True, eq=False)
+class Dressed:
+    """A scene of which a part was changed."""
+
+    scene: Gaussians
+    notes: tuple[str, ...] = ()
+    """Remarks for a person on how it was done."""
+
+
+@torch.no_grad()
+def in_material(
+    scene: Gaussians,
+    inside: Bool[Tensor, " n"],
+    material: Material,
+    cameras: Sequence[Camera] = (),
+    execution: Execution = AUTO,
+    weights: Float[Tensor, " n"] | None = None,
+    shown: Bool[Tensor, " n"] | None = None,
+) -> Dressed:
+    """The scene with the Gaussians inside in a material; the coefficients of others are the same.
+
+    A material that reflects raises the scene's SH to degree 3, with zeros for what is outside; of
+    it, only the Gaussians that are `shown` (None: all) are shaded, as for one picture.
+    Raises UsageError for no Gaussians inside, or for ones that show no surface.
+    """
+    studied = study(scene, inside, cameras, execution, weights, material.is_matte)
+    if studied.sure < UNSURE and not material.is_matte:
+        raise UsageError(
+            "the part's Gaussians show no surface that could reflect (they are needles or fog): "
+            "clean the scene first with gsedit clean, or edit with --editor small"
+        )
+    degree = 0 if material.is_matte else DEGREE
+    sh = scene.with_degree(max(scene.degree, degree)).sh
+    rows = inside.nonzero().squeeze(-1)
+    only = torch.arange(len(rows))
+    if shown is not None and not material.is_matte:
+        only = shown[rows].nonzero().squeeze(-1)
+        rows = rows[only]
+    colored = colors_of(studied, material, cameras, degree, only)
+    bare = 1 - coverage(material.clings, studied.ground)[only]
+    sh[rows] *= bare[:, None, None].to(sh)
+    sh[rows, : colored.shape[1]] += ((1 - bare)[:, None, None] * colored).to(sh)
+    raised = sh.shape[1] > scene.sh.shape[1]
+    notes = (*studied.notes, *((RAISED.format(scene.degree),) if raised else ()))
+    return Dressed(replace(scene, sh=sh), notes)
+
+
+@cached_per_scene
+def study(
+    scene: Gaussians,
+    inside: Bool[Tensor, " n"],
+    cameras: Sequence[Camera] = (),
+    execution: Execution = AUTO,
+    weights: Float[Tensor, " n"] | None = None,
+    matte: bool = False,
+) -> Studied:
+    """Normals, surroundings, shadows and carving of the Gaussians inside; for a `matte` material
+    without what only reflections need."""
+    if not len(part := scene[inside]):
+        raise UsageError("the material would be on no Gaussian: name what should be in it")
+    up = up_of(cameras) if len(cameras) > 1 else guess_up(scene)
+    near = rows_near(part.means)
+    found = estimate_normals(scene, cameras, execution, inside, near)
+    center, radius = middle(scene, inside)
+    relief = carved(part, found.directions, near)
+    normals = engraved(part.means, found.directions, relief, near)
+    turn = torch.from_numpy(turn_between(up.numpy(), np.array((0.0, 0.0, 1.0)))).to(part.means)
+    ground = Ground(
+        (part.means - center) @ turn.T / max(radius, FAINT), normals @ turn.T, relief.hollow
+    )
+    sure = float(found.confidence.median())
+    if (eyes := _eyes_within(part, cameras)) is not None:
+        around = light_at(scene, eyes, NEAR_EYES * radius, up, execution, cameras)
+        light = lighting(balanced(around), matte)
+        skin = Skin(part.means, normals, relief.detail, torch.ones(len(part), RAYS))
+        level = (relief.luminance / USUAL_ALBEDO).clamp(*LEVELS)[:, None, None]
+        return Studied(light, skin, ground, level.expand(-1, 2, 3), sure, ())
+    open_ = past_body(part, part.means, ray_directions().double(), execution, normals)
+    skin = Skin(part.means, normals, relief.detail, open_.to(normals))
+    around = find_surroundings(scene, inside, up, execution, cameras)
+    dim = False
+    if not around.studio:
+        weight = (visible_area(part) if weights is None else weights[inside]).to(normals)
+        lit = as_shaded(around, relief.color, skin.share, weight, ray_directions().to(normals))
+        dim = lit is None
+        around = with_studio(around, up) if lit is None else lit
+    light = lighting(balanced(around), matte)
+    sides = torch.cat([arriving(light, skin[rows]) for rows in _parts(len(part))])
+    notes = (STUDIO,) if around.studio else (DIM,) if dim else ()
+    return Studied(light, skin, ground, sides, sure, notes)
+
+
+def _eyes_within(part: Gaussians, cameras: Sequence[Camera]) -> Float[Tensor, "3"] | None:
+    """Middle of the cameras where most stand inside a part, as in a room: its surroundings are its
+    own, and its old shading is all that is known of the light on it. None elsewhere."""
+    if not cameras:
+        return None
+    eyes = torch.stack([camera.center for camera in cameras]).to(part.means)
+    low, high = ends(part.means, 0.1)
+    inside = ((eyes > low) & (eyes < high)).all(-1)
+    return eyes.mean(0) if float(inside.float().mean()) > 0.5 else None
+
+
+def colors_of(
+    studied: Studied,
+    material: Material,
+    cameras: Sequence[Camera],
+    degree: int,
+    only: Int[Tensor, " s"],
+) -> Float[Tensor, "s k 3"]:
+    """SH coefficients of these of the Gaussians in a material; those of degree 0 are of all of them
+    in a matte one."""
+    surface = reflectance(material, studied.ground)
+    diffuse = body(material, surface, studied.sides)
+    if degree == 0:
+        sent = everywhere(material, surface, studied.skin, diffuse, studied.sides[:, 0])
+        return ((displayed(sent) - 0.5) / SH_DC)[:, None]
+    own = studied.sides[:, 0] * surface.color
+    eyes = torch.stack([c.center for c in cameras]).to(diffuse) if len(cameras) else None
+    if eyes is not None:
+        eyes = eyes[evenly_spaced(len(eyes), CAMERAS)]
+    directions = torch.from_numpy(even_directions(AROUND)).to(diffuse)
+    found = [diffuse.new_zeros(0, (degree + 1) ** 2, 3)]
+    for start in range(0, len(only), AT_ONCE):
+        rows = only[start : start + AT_ONCE]
+        skin, here = studied.skin[rows], surface[rows]
+        weights = view_weights(skin.points, skin.normals, directions, eyes)
+        at, way = (weights > 0).nonzero().unbind(-1)
+        sent = outgoing(
+            studied.light, material, here[at], skin[at], diffuse[rows][at], own[rows][at],
+            directions[way],
+        )  # fmt: skip
+        shown = sent.new_full((*weights.shape, 3), 0.5)
+        shown[at, way] = displayed(sent)
+        found.append(fitted(shown, -directions, weights, degree))
+    return torch.cat(found)
+
+
+def displayed(light: Float[Tensor, "*s 3"]) -> Float[Tensor, "*s 3"]:
+    """Display colors of linear light; what is too bright keeps its hue and turns half white, where
+    clipped channels would turn gold to lemon."""
+    most = light.amax(-1, keepdim=True).clamp_min(1)
+    hue = (light / most).clamp_min(0)
+    shown = hue + (1 - hue) * WHITENED * (1 - 1 / most)
+    return torch.from_numpy(srgb_of_linear(shown.numpy())).to(light)
+
+
+def view_weights(
+    points: Float[Tensor, "m 3"],
+    normals: Float[Tensor, "m 3"],
+    directions: Float[Tensor, "v 3"],
+    eyes: Float[Tensor, "c 3"] | None,
+) -> Float[Tensor, "m v"]:
+    """How much colors in each unit direction count: as many of the cameras at `eyes` are near it,
+    and as the surface is seen from there; the same all around without cameras."""
+    seen = (normals @ directions.T + BEHIND).clamp(0, 0.5)
+    if eyes is None:
+        return seen
+    to_cameras = torch.nn.functional.normalize(eyes - points[:, None], dim=-1)
+    near = torch.exp(SHARPNESS * (to_cameras @ directions.T - 1)).mean(1)
+    return seen * (near / near.mean(1, keepdim=True) + AROUND_WEIGHT)
+
+
+def _parts(count: int) -> list[slice]:
+    return [slice(start, start + AT_ONCE) for start in range(0, count, AT_ONCE)]

@@ -1,0 +1,21 @@
+"""Operations on one object of a scene: remove and fill, move, copy, insert, grow, bend."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rasterizer.lazy import make_lazy
+
+if TYPE_CHECKING:
+    from gsedit.change.objects.bending.bend import Handle, bend
+    from gsedit.change.objects.growth.grow import grow
+    from gsedit.change.objects.placing.insert import insert
+    from gsedit.change.objects.placing.place import place
+    from gsedit.change.objects.placing.placement import Placement, RelativePlace
+    from gsedit.change.objects.removal.remove import remove
+    from gsedit.select.click import Click, Selector
+    from gsedit.select.phrase import find_phrase
+    from gsedit.select.segment import Segments, segment
+    from gsedit.views.depth import point_at
+
+make_lazy(__name__)

@@ -1,0 +1,271 @@
+"""Growths by name, as a table of data: where they lie, how thick, of what they are made.
+
+`m` places on a surface, `n` Gaussians of the scene; shares are in [0, 1].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from gsedit.change.light.present import Surface, received
+from gsedit.change.light.relight import step
+from gsedit.change.objects.placing.daylight import Sun, shadow_of
+from gsedit.change.scenery.setting import Setting
+from gsedit.errors import UsageError
+from gsedit.scene.color_space import LUMINANCE
+from gsedit.scene.neighbors import k_nearest
+from gsedit.scene.quantiles import weighted_quantile
+from gsedit.toolkit.grade import GAMMA
+from gsedit.views.noise import noise
+from rasterizer.numerics import AUTO, Execution
+
+EVEN = 0.5
+"""Share of an even sky in the light: the present one is told from colors that are not its own."""
+BRIGHT, WELL_LIT, DARKEST = 0.98, 0.45, 0.1
+"""Rank among what is seen of what is bright, its linear luminance in a picture that is lit well,
+and the least exposure: in a dark picture nothing new is bright."""
+BEST, LEAST_BEST = 0.9, 0.6
+"""Rank of the light on places that counts as open, and the least that does: haze and walls around
+dim all of a part alike."""
+BOUNCED = 0.2
+"""Share of light that comes from what is around, wherever it is."""
+NEAREST = 6
+"""Gaussians around a place that say what is known of it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Site:
+    """A part of a scene that things grow on."""
+
+    setting: Setting
+    rows: Int[Tensor, " k"]
+    """Gaussians of the part."""
+    size: float
+    """Its extent, world units: thicknesses are shares of it."""
+    sun: Sun | None = None
+    """Sun that is told from the shadows around it."""
+    execution: Execution = AUTO
+
+    @cached_property
+    def exposure(self) -> float:
+        """Factor, at most 1, of light in a picture that is dark."""
+        seen = self.setting.found.seen
+        bright = weighted_quantile(self.setting.luminance[:, None], seen, BRIGHT)
+        return min(max(float(bright) / WELL_LIT, DARKEST), 1.0)
+
+    @property
+    def up(self) -> Float[Tensor, "3"]:
+        return self.setting.found.place.up
+
+    def spots(self, points: Float[Tensor, "m 3"], normals: Float[Tensor, "m 3"]) -> Spots:
+        """Places with these normals, and the part's Gaussians nearest to each."""
+        means = self.setting.found.surface.points[self.rows]
+        near = k_nearest(means.numpy(), points.numpy(), min(NEAREST, len(means)))[1]
+        return Spots(self, points, normals, self.rows[torch.from_numpy(near)])
+
+
+@dataclass(frozen=True, eq=False)
+class Spots:
+    """Places on a surface."""
+
+    site: Site
+    points: Float[Tensor, "m 3"]
+    normals: Float[Tensor, "m 3"]
+    near: Int[Tensor, "m q"]
+    """Gaussians of the scene nearest to each."""
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def __getitem__(self, rows: Tensor) -> Spots:
+        return Spots(self.site, self.points[rows], self.normals[rows], self.near[rows])
+
+    def mean(self, values: Float[Tensor, "n ..."]) -> Float[Tensor, "m ..."]:
+        """Means of what is known of the Gaussians nearest to each place."""
+        return values[self.near].mean(1)
+
+    @property
+    def rise(self) -> Float[Tensor, " m"]:
+        """Cosine between the normal and up."""
+        return self.normals @ self.site.up
+
+    @property
+    def overhead(self) -> Float[Tensor, " m"]:
+        """Share of the sky overhead that is open."""
+        return self.mean(self.site.setting.overhead)
+
+    @property
+    def openness(self) -> Float[Tensor, " m"]:
+        """Share of the whole sky that is open: low in crevices and under things."""
+        return self.mean(self.site.setting.found.surface.open.mean(1))
+
+    @property
+    def height(self) -> Float[Tensor, " m"]:
+        """Height over the lowest of the part's surface, in its size."""
+        heights = self.points @ self.site.up
+        return (heights - heights.min()) / self.site.size if len(self) else heights
+
+    @property
+    def earthly(self) -> Float[Tensor, " m"]:
+        """How surely each place is near and no sky."""
+        setting = self.site.setting
+        return self.mean(setting.found.trust * (1 - setting.sky))
+
+    def noise(self, size: float, seed: int) -> Float[Tensor, " m"]:
+        """Noise of mean 0 and deviation 1 whose features have a size, in that of the part."""
+        return noise(self.points / (size * self.site.size), seed)
+
+    def light(self) -> Float[Tensor, " m"]:
+        """Present light on each place, about 1 where it is level and open."""
+        found = self.site.setting.found
+        old = found.surface
+        here = Surface(
+            self.points, self.normals, torch.ones(len(self)).double(), self.near, old.directions,
+            self.mean(old.open), old.occluders, old.place,
+        )  # fmt: skip
+        even = received(here)[:, :-1].sum(1)
+        if self.site.sun is None:
+            present = torch.lerp(found.falling_on(here), even, EVEN)
+        else:
+            present = self._in(self.site.sun, even)
+        best = min(max(float(present.quantile(BEST)), LEAST_BEST), 1.0) if len(present) else 1.0
+        present = torch.lerp(present / best, torch.ones_like(present), BOUNCED)
+        near = found.trust * found.seen
+        usual = (near @ found.light) / near.sum().clamp_min(1e-12)
+        return self.site.exposure * (usual + self.mean(found.trust) * (present - usual))
+
+    def _in(self, sun: Sun, even: Float[Tensor, " m"]) -> Float[Tensor, " m"]:
+        """Light of a sun and of an even sky, 1 where it is level and open."""
+        strength = float(sun.strength @ torch.from_numpy(LUMINANCE / LUMINANCE.sum()))
+        body = self.site.setting.scene[self.site.rows]
+        hidden = shadow_of(body, self.points, sun.direction, self.site.execution)
+        direct = (self.normals @ sun.direction).clamp_min(0) * (1 - hidden)
+        level = 1 + strength * float(sun.direction @ self.site.up)
+        return (even + strength * direct) / level
+
+    def shaded(
+        self, shade: tuple[float, ...], lit: tuple[float, ...], light: Float[Tensor, " m"]
+    ) -> Float[Tensor, "m 3"]:
+        """Display colors of a surface that is of one color in the shade, of another in light."""
+        dark, bright = torch.tensor(shade).double(), torch.tensor(lit).double()
+        share = step(light, 0.35, 0.95)[:, None]
+        return (dark + share * (bright - dark)) * (light.clamp_min(0) ** (1 / GAMMA))[:, None]
+
+
+def snowy(spots: Spots) -> Float[Tensor, " m"]:
+    """Snow: on places that face up and are open above."""
+    soft = 0.07 * spots.noise(0.06, 1) + 0.04 * spots.noise(0.02, 9)
+    lying = step(spots.rise + soft, 0.44, 0.72)
+    return lying * step(spots.overhead, 0.1, 0.4) * spots.earthly
+
+
+def dusty(spots: Spots) -> Float[Tensor, " m"]:
+    """Dust: on places that face up, under a roof too, and in hollows; most on level ones."""
+    soft = 0.15 * spots.noise(0.03, 2)
+    lying = step(spots.rise + soft, 0.1, 0.6)
+    hollows = step(spots.openness, 0.7, 0.3) * step(spots.rise, -0.3, 0.2)
+    return torch.maximum(lying, 0.8 * hollows) * spots.earthly
+
+
+def mossy(spots: Spots) -> Float[Tensor, " m"]:
+    """Moss: on damp places, which are low, in crevices or turned from the light, in clumps; more on
+    ledges than on walls, and none below."""
+    shade = step(spots.light() / spots.site.exposure, 0.9, 0.45)
+    crevices = step(spots.openness, 0.75, 0.3)
+    low = step(spots.height, 0.35, 0.02)
+    ledge = step(spots.rise, 0.1, 0.75)
+    damp = 0.5 * shade + 0.55 * crevices + 0.5 * low + 0.45 * ledge
+    clumps = 0.75 * damp + 0.2 * spots.noise(0.09, 3) + 0.1 * spots.noise(0.03, 4)
+    return step(clumps, 0.35, 0.6) * step(spots.rise, -0.35, 0.0) * spots.earthly
+
+
+def icy(spots: Spots) -> Float[Tensor, " m"]:
+    """Ice: a glaze on places that are open above and not turned down."""
+    soft = 0.12 * spots.noise(0.05, 5)
+    return step(spots.rise + soft, 0.0, 0.35) * step(spots.overhead, 0.1, 0.4) * spots.earthly
+
+
+def littered(spots: Spots) -> Float[Tensor, " m"]:
+    """Leaves: on places that are about level and open above, in drifts."""
+    level = step(spots.rise, 0.7, 0.9)
+    drifts = 0.75 + 0.25 * spots.noise(0.2, 6)
+    return (level * step(spots.overhead, 0.1, 0.4) * drifts).clamp(0, 1) * spots.earthly
+
+
+LEAST, MOST = 0.1, 5.0
+"""Range of the factor of a usual thickness."""
+Rgb = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Growth:
+    """Something that lies or grows on surfaces; lengths are shares of what it is on."""
+
+    where: Callable[[Spots], Float[Tensor, " m"]]
+    body: Literal["layer", "tufts", "leaves"]
+    thickness: float
+    """Height over the surface, far from the edges; of leaves, their length."""
+    grain: float
+    """Distance of its Gaussians along the surface, if there are not too many."""
+    shade: Rgb
+    """Display color in the shade, for a light of 1; above 1 it outshines haze before it."""
+    lit: Rgb
+    """Display color in the light."""
+    requirement: str
+    """Surface that it needs, as the error says it: "nothing inside ..."."""
+    opacity: float = 0.985
+    mottle: float = 0.02
+    """Standard deviation of the brightness from Gaussian to Gaussian."""
+    edge: float = 0.5
+    """Least share of a place at which it lies there."""
+    around: bool = False
+    """Whether it grows on walls too; else only on what is seen from above."""
+    hides: bool = True
+    """Whether the Gaussians under it take its color."""
+    each: int = 1
+    """Gaussians a pixel, at most."""
+    smooth: int = 6
+    """Rounds of smoothing of the surface under it, over a pixel each."""
+
+
+GROWTHS: dict[str, Growth] = {
+    "snow": Growth(
+        snowy, "layer", 0.04, 0.004, (0.63, 0.72, 0.9), (0.975, 0.98, 0.99),
+        "faces up and sees the sky", smooth=16,
+    ),
+    "moss": Growth(
+        mossy, "tufts", 0.008, 0.0045, (0.2, 0.27, 0.09), (0.45, 0.53, 0.2),
+        "is damp and shaded", mottle=0.16, around=True, each=2,
+    ),
+    "dust": Growth(
+        dusty, "layer", 0.003, 0.004, (0.56, 0.53, 0.48), (0.82, 0.77, 0.69),
+        "faces up", opacity=0.58, mottle=0.04, edge=0.1,
+    ),
+    "ice": Growth(
+        icy, "layer", 0.006, 0.004, (0.55, 0.74, 0.92), (0.88, 0.97, 1.06),
+        "faces up and sees the sky", opacity=0.34, mottle=0.08, hides=False,
+    ),
+    "leaves": Growth(
+        littered, "leaves", 0.045, 0.006, (0.75, 0.72, 0.72), (1.0, 1.0, 1.0),
+        "is level and sees the sky", mottle=0.12, edge=0.2, hides=False,
+    ),
+}  # fmt: skip
+"""Growths by the names that sentences give them."""
+
+
+def growth_of(name: str, amount: float) -> Growth:
+    """The growth of a name. Raises UsageError for an unknown one, or an amount out of range."""
+    if name not in GROWTHS:
+        raise UsageError(f"there is no growth {name!r}: choose one of {', '.join(GROWTHS)}")
+    if not LEAST <= amount <= MOST:
+        raise UsageError(
+            f"{name} {amount:g} times as thick as usual is out of range: say {LEAST:g} to {MOST:g}"
+        )
+    return GROWTHS[name]

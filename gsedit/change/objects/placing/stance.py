@@ -1,0 +1,231 @@
+"""How an object stands: on what plane, at what point, how high it is.
+
+Heights are world units along an upward unit vector. `n` Gaussians, `h w` cells of a map.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from gsedit.scene.planes import Plane, find_support
+from gsedit.scene.quantiles import ends, weighted_quantile
+from gsedit.views.orbit import perpendicular
+from gsedit.views.place import Place
+from gsedit.views.relief import Relief
+from gsedit.views.shadows import parallel_map
+from rasterizer.numerics import AUTO, Execution
+from rasterizer.scene import Gaussians
+
+CELLS = 192
+"""Cells along the side of a map: of an object that fills half of it, one is 1 % of its width."""
+
+SEEN_ABOVE = 0.54
+"""Offset of the rendered surface above Gaussian centers, in their standard deviation (sigmas):
+discs are drawn wider and nearer than they are (gsedit.bench.synthetic.splats.SINK over DISC)."""
+MOST_ABOVE = 0.16
+"""Largest standard deviation that counts for it, of the radius: wider ones are haze."""
+
+
+def heights_from_above(
+    scene: Gaussians,
+    center: Float[Tensor, "3"],
+    radius: float,
+    up: Float[Tensor, "3"],
+    ceiling: float,
+    execution: Execution = AUTO,
+) -> Relief:
+    """The heights of a scene around a point; what is above the ceiling is not there."""
+    middle = center + (ceiling - 2 * radius - center @ up) * up  # the eye is at the ceiling
+    place = Place(middle, up, perpendicular(up), 2 * radius, radius)
+    below = scene.means.double() @ up <= ceiling
+    seen = replace(scene, sh=scene.sh[:, :1])[below].detach()
+    drawn = parallel_map(seen, place, up, CELLS, execution)
+    there = drawn.depth.isfinite()
+    depth = drawn.depth.double().masked_fill(~there, 0.0)
+    found = Relief(drawn.camera, drawn.camera.unproject(drawn.camera.pixel_centers(), depth), there)
+    return found.at(found.heights + _lift(seen, found, radius))
+
+
+def _lift(scene: Gaussians, seen: Relief, radius: float) -> float:
+    """Height of what is seen in a map over the centers of its Gaussians."""
+    points = scene.means.double()
+    sizes = scene.log_scales.sort(-1).values[:, 1].exp().double()
+    xy, _ = seen.camera.project(points)
+    near = ((xy >= 0) & (xy < CELLS)).all(-1).nonzero().squeeze(-1)
+    column, row = xy[near].long().unbind(-1)
+    off = (points[near] @ seen.axis - seen.tops[row, column]).abs()
+    shown = near[off < sizes[near] / 2]
+    if not len(shown):
+        return 0.0
+    typical = weighted_quantile(sizes[shown, None], scene.opacities[shown].double(), 0.5)
+    return SEEN_ABOVE * min(float(typical), MOST_ABOVE * radius)
+
+
+OUTLINE_CELLS = 384
+"""Cells along the side of a picture of an outline: half of one is less than 0.2 % of the object."""
+SIDES = 4
+"""Directions from which an outline is looked at."""
+LOWEST, HIGHEST = 0.02, 0.995
+"""Ranks among the columns of outlines at which an object begins and ends."""
+PAST = 0.4
+"""Height of an outline over the edge of what discs cover, in their median standard deviation."""
+
+
+def reach(
+    body: Gaussians, up: Float[Tensor, "3"], execution: Execution = AUTO
+) -> tuple[float, float]:
+    """The heights at which what is seen of an object from its sides begins and ends.
+
+    An outline is where its opacity is one half: haze around an object does not count.
+    """
+    points = body.means.double()
+    middle = (points.amin(0) + points.amax(0)) / 2
+    radius = 1.1 * float((points - middle).norm(dim=-1).amax()) + 1e-9
+    wide = body.log_scales.sort(-1).values[:, 1]
+    shown = torch.cat(_outlines(body, middle, radius, up, execution), 1)
+    shown = shown[:, shown.any(0)]
+    if not shown.shape[1]:  # haze only
+        heights = points @ up
+        return float(heights.amin()), float(heights.amax())
+    rows = torch.arange(OUTLINE_CELLS, dtype=torch.float64)[:, None]
+    last = torch.where(shown, rows + 1, -torch.inf).amax(0).quantile(1 - LOWEST)
+    first = torch.where(shown, rows, torch.inf).amin(0).quantile(1 - HIGHEST)
+    top, cell = float(middle @ up) + radius, 2 * radius / OUTLINE_CELLS
+    edge = PAST * min(float(wide.median().exp()), MOST_ABOVE * radius)
+    return top - cell * float(last) + edge, top - cell * float(first) - edge
+
+
+def _outlines(
+    body: Gaussians,
+    middle: Float[Tensor, "3"],
+    radius: float,
+    up: Float[Tensor, "3"],
+    execution: Execution,
+) -> list[Bool[Tensor, "h w"]]:
+    """Flags of the pixels that show an object from each of SIDES; rows go down."""
+    side = perpendicular(up)
+    across = torch.linalg.cross(up, side)
+    place = Place(middle, up, side, 2 * radius, radius)
+    angles = torch.arange(SIDES, dtype=torch.float64) * (torch.pi / SIDES)
+    views = (each.cos() * side + each.sin() * across for each in angles)
+    drawn = (parallel_map(body, place, view, OUTLINE_CELLS, execution) for view in views)
+    return [each.depth.isfinite() for each in drawn]
+
+
+MOST_POINTS = 8000
+"""Points of an object that its support is searched with."""
+LEVEL = 0.94
+"""Least cosine between the upward direction and the normal of what carries: 20 degrees."""
+HIDDEN, SUNK = 0.3, 0.1
+"""Largest gap between an object and its support, of its height, and largest sinking: nobody saw the
+underside of a ball, and a region seldom holds the lowest edge."""
+BASE = 0.15
+"""Part of the height, from below, that is over what carries an object."""
+STEP = 0.25
+"""Height above its foot, of its own, up to which something near an object may carry it."""
+SOLID = 0.1
+"""Opacity below which a Gaussian is haze, where there are others."""
+STEPS = 200
+"""Steps towards the farthest point by which the middle is found, to 0.5 %."""
+AROUND = 1.3
+"""Half the side of the map around an object, of the distance of its farthest point."""
+
+
+@dataclass(frozen=True, eq=False)
+class Stance:
+    """An object on what carries it; world units, float64."""
+
+    up: Float[Tensor, "3"]
+    """Normal of the surface under it, or the upward direction where none is."""
+    foot: Float[Tensor, "3"]
+    """Point of that surface under its middle; of its lowest parts where none is."""
+    height: float
+    """Size along `up` from the foot."""
+    stands: bool
+    """Whether it touches a surface."""
+
+
+def middle_of(body: Gaussians, up: Float[Tensor, "3"]) -> Float[Tensor, "3"]:
+    """The middle of the smallest circle around an object's base, at half its height, float64.
+
+    Sides that nobody saw have no Gaussians, and do not draw it away.
+    """
+    solid = body.opacities > SOLID
+    points = body.means[solid if bool(solid.any()) else torch.ones_like(solid)].double()
+    rise = points @ up
+    low, high = extents(rise[:, None])[:, 0]
+    side = perpendicular(up)
+    axes = torch.stack((side, torch.linalg.cross(up, side)))
+    level = points[rise <= low + BASE * (high - low)] @ axes.T
+    first, last = extents(level)
+    level = level[((level >= first) & (level <= last)).all(1)] if len(level) > 3 else level
+    middle = (first + last) / 2
+    for i in range(STEPS if len(level) else 0):
+        far = level[(level - middle).square().sum(1).argmax()]
+        middle = middle + (far - middle) / (i + 2)
+    return middle @ axes + (low + high) / 2 * up
+
+
+def extents(points: Float[Tensor, "m d"]) -> Float[Tensor, "2 d"]:
+    """Begin and end of points along each axis, stray ones left out."""
+    return ends(points[:: 1 + len(points) // (1 << 20)], 0.01)
+
+
+def size_of(body: Gaussians) -> float:
+    """The diagonal of the box of an object, stray Gaussians left out."""
+    low, high = extents(body.means.double())
+    return max(float((high - low).norm()), float(body.log_scales.amax().exp()))
+
+
+def stance_of(
+    body: Gaussians, rest: Gaussians, up: Float[Tensor, "3"], execution: Execution = AUTO
+) -> Stance:
+    """How an object stands in the rest of its scene; `up` is the scene's upward direction."""
+    begins, last = reach(body, up, execution)
+    middle = middle_of(body, up)
+    ceiling = begins + STEP * (last - begins)
+    seen = map_around(body, rest, middle, up, ceiling, execution)
+    support = carrier(body, seen, up)
+    if support is not None:
+        normal = torch.from_numpy(support.normal)
+        low, high = reach(body, normal, execution)
+        height = high - support.offset
+        if -SUNK * height <= low - support.offset <= HIDDEN * height:
+            foot = middle + (support.offset - middle @ normal) * normal
+            return Stance(normal, foot, height, True)
+    foot = middle + (begins - middle @ up) * up
+    return Stance(up, foot, last - begins, False)
+
+
+def map_around(
+    body: Gaussians,
+    rest: Gaussians,
+    middle: Float[Tensor, "3"],
+    up: Float[Tensor, "3"],
+    ceiling: float,
+    execution: Execution = AUTO,
+) -> Relief:
+    """The heights of the rest of a scene around an object."""
+    away = body.means.double() - middle
+    level = away - (away @ up)[:, None] * up
+    radius = AROUND * float(level.norm(dim=-1).amax().clamp_min(away.norm(dim=-1).amax() / 2))
+    return heights_from_above(rest, middle, radius + 1e-9, up, ceiling, execution)
+
+
+def carrier(body: Gaussians, seen: Relief, up: Float[Tensor, "3"]) -> Plane | None:
+    """The plane that carries an object among what is seen from above around it; None: no such."""
+    cells = seen.points[seen.there].numpy()
+    chosen = body.means[:: 1 + len(body) // MOST_POINTS].double().numpy()
+    if len(cells) < 3:
+        return None
+    points = np.concatenate((chosen, cells))
+    ours = np.arange(len(points)) < len(chosen)
+    found = find_support(points, ours, np.ones(len(points)))
+    if found is None or float(found.normal @ up.numpy()) < LEVEL:
+        return None
+    return found

@@ -1,0 +1,415 @@
+"""A plane as a picture, seen straight from above: the part of it that nobody saw, what is known
+around that, and the shadow of the object on it.
+
+The surface around the object is made up from what is farther off, as if it were unknown: where it
+is darker than that, evenly in all colors or fading out, the object's shadow lies.
+`n` Gaussians; a picture of `h w` cells; `k` harmonics a channel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float, Float64, Int64
+from scipy.ndimage import gaussian_filter, grey_dilation, median_filter
+
+from gsedit.change.objects.removal.cells import (
+    away_from,
+    closed,
+    enclosing,
+    mean_around,
+    opened,
+    parts_of,
+    rectangle_around,
+    touching,
+    widened,
+)
+from gsedit.change.objects.removal.complete import complete
+from gsedit.change.objects.removal.sight import Views, testify
+from gsedit.scene.planes import Plane
+from gsedit.views.orbit import parallel, perpendicular
+from rasterizer.camera import Camera
+from rasterizer.color_weights import color_weights
+from rasterizer.harmonics import basis
+from rasterizer.numerics import AUTO, SH_DC, Execution
+from rasterizer.scene import Gaussians
+
+FAINT = 1e-3
+"""Opacity below which a cell has no color."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sheet:
+    """A picture of a plane. Its hole is what has to be filled."""
+
+    camera: Camera
+    """Looks straight down, in parallel rays."""
+    cell: float
+    """Side of a cell, world units."""
+    values: Float[np.ndarray, "h w k3"]
+    """Harmonics of what lies on the plane; the first three are the color."""
+    known: Bool[np.ndarray, "h w"]
+    hole: Bool[np.ndarray, "h w"]
+    caster: Bool[np.ndarray, "h w"]
+    """Cells that the object stood close over."""
+    depth: float
+    """Depth of the plane along the camera's view."""
+    usual: Float64[np.ndarray, " k"]
+    """Factors of the harmonics in the color, over SH_DC: means over the cameras."""
+
+    def points(self) -> Float64[np.ndarray, "m 3"]:
+        """Middles of all cells on the plane, in rows."""
+        return cells_of(self.camera, self.depth)
+
+    def at(self, points: Float[np.ndarray, "n 3"]) -> Int64[np.ndarray, " n"]:
+        """Flat indices of the cells that points lie over or under; -1 beyond the picture."""
+        xy, _ = self.camera.project(torch.from_numpy(points).double())
+        column, row = xy.floor().long().unbind(-1)
+        h, w = self.hole.shape
+        within = (column >= 0) & (column < w) & (row >= 0) & (row < h)
+        return torch.where(within, row * w + column, -1).numpy()
+
+    def under(self, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, "h w"]:
+        """Flag the cells that points lie over or under, without small gaps."""
+        cells = self.at(points)
+        found = np.zeros(self.hole.size, bool)
+        found[cells[cells >= 0]] = True
+        return closed(found.reshape(self.hole.shape), 2)
+
+    def holds(self, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
+        """Flag the points over or under the hole."""
+        cell = self.at(points)
+        return self.hole.reshape(-1)[cell] & (cell >= 0)
+
+
+def cells_of(camera: Camera, depth: float) -> Float64[np.ndarray, "m 3"]:
+    centers = camera.pixel_centers().reshape(-1, 2)
+    return camera.unproject(centers, torch.full((len(centers),), depth).double()).numpy()
+
+
+def above(
+    plane: Plane, middle: Float64[np.ndarray, "3"], half: Float64[np.ndarray, "2"], cell: float
+) -> Camera:
+    """A camera straight above a rectangle of a plane, given by its middle and half its sides."""
+    down = torch.from_numpy(-plane.normal)
+    up = torch.linalg.cross(down, perpendicular(down))
+    width, height = (max(4, int(np.ceil(2 * each / cell))) for each in half)
+    return parallel(torch.from_numpy(middle), -down, up, cell, (width, height), 2 * plane.band)
+
+
+def harmonics_on(
+    layer: Gaussians, camera: Camera, execution: Execution
+) -> tuple[Float[np.ndarray, "h w k3"], Float[np.ndarray, "h w"]]:
+    """Harmonics blended as colors are, and the opacity."""
+    if not len(layer):
+        shape = (camera.height, camera.width)
+        return np.zeros((*shape, layer.sh.shape[1] * 3)), np.zeros(shape)
+    weights = color_weights(layer, camera, execution=execution)
+    alpha = weights.picture(torch.ones(len(layer), 3).to(layer.means))[..., 0]
+    bands = [weights.picture(layer.sh[:, k].contiguous()) for k in range(layer.sh.shape[1])]
+    values = torch.cat(bands, -1) / alpha.clamp_min(1e-3)[..., None]
+    return values.double().numpy(), alpha.double().numpy()
+
+
+COVERED, GAP = 0.6, 2
+"""Opacity from which a cell is known; half of the width, in cells, of gaps that are known where
+views saw them: between blades of grass."""
+HIDDEN = 0.5
+"""Least views that the object hid a cell from, of those that saw it, for a cell of the hole."""
+BORDERED = 0.25
+"""Least share of what is around a hole that is known: else it is a hole of something else."""
+OWN = 0.25
+"""Least share of a hole that the object hid: else it is the footprint of something else."""
+FULL = 0.9
+"""Share of a rectangle without its hole that is known, from which a surface is that rectangle."""
+SEEN = 0.05
+"""Views, averaged around a cell, up to which what is behind another plane is unknown."""
+SEEN_THROUGH = 0.34
+"""Share of the views that nothing hides a place from, at most, that saw through it."""
+EDGE = 2.0
+"""Standard deviation over which that is averaged, cells: edges of surfaces are even."""
+BEHIND = 0.03
+"""Share of what is known of a plane that may lie behind another one that ends it: a corner."""
+LEAST_CELLS, LEAST_FINE_CELLS = 6, 2
+"""Cells of the smallest hole, coarse and fine: a smaller one is closed by what is around it."""
+CLOSE = 0.1
+"""Distance of the object's parts that are close over a plane, of its extent."""
+SPECK = 0.1
+"""Size of a hole, of the largest, below which it is not worth a larger picture."""
+COARSE = 160
+"""Cells along the longer side of the picture in which the hole is found."""
+MOST_CELLS = 320
+"""Cells along the longer side of the picture that is completed."""
+REACH = 1.5
+"""Radius around the object in which planes are filled, of its extent."""
+SURROUNDINGS = 0.6
+"""Width of what is known around a hole, of the hole's size, that its texture is taken from."""
+
+NEIGHBORHOOD = 1.0
+"""Least such width, of the object's extent: a shadow lies within."""
+NEAR_HOLE = 3
+"""Half of the width, in cells, of gaps of a hole in which thin remains are not believed."""
+ISLAND = 0.1
+"""Width of what is known amid a hole, of the hole's, below which it is remains of the object."""
+
+
+@dataclass(frozen=True, eq=False)
+class Object:
+    """The object that is removed."""
+
+    points: Float64[np.ndarray, "k 3"]
+    """Centers of its Gaussians."""
+    center: Float64[np.ndarray, "3"]
+    extent: float
+    pixel: float
+    """Size of the cameras' pixels at it, world units."""
+
+
+def find_sheet(
+    kept: Gaussians,
+    plane: Plane,
+    others: Sequence[Plane],
+    thing: Object,
+    views: Views,
+    execution: Execution = AUTO,
+) -> Sheet | None:
+    """The part of a plane that nobody saw or the object stood on, with what is known around it.
+
+    `kept` is what is left of the scene, `others` its other planes. None where there is no such
+    part.
+    """
+    points = kept.means.numpy()
+    layer = kept[torch.from_numpy(plane.on(points))]
+    middle = thing.center - plane.heights(thing.center[None])[0] * plane.normal
+    radius = REACH * thing.extent
+    camera = above(plane, middle, np.array((radius, radius)), 2 * radius / COARSE)
+    rough = _drawn(layer, plane, others, camera, LEAST_CELLS, thing, views, execution)
+    if not (rough.hole | (rough.caster & rough.known)).any():
+        return None
+    low, high = _frame(rough, thing.extent)
+    at = torch.from_numpy((low + high) / 2)[None]
+    middle = camera.unproject(at, torch.full((1,), rough.depth).double())[0].numpy()
+    half = (high - low) / 2 * rough.cell
+    fine = max(thing.pixel, 2 * float(half.max()) / MOST_CELLS)
+    camera = above(plane, middle, half, fine)
+    return _drawn(layer, plane, others, camera, LEAST_FINE_CELLS, thing, views, execution)
+
+
+def _drawn(
+    layer: Gaussians,
+    plane: Plane,
+    others: Sequence[Plane],
+    camera: Camera,
+    least: int,
+    thing: Object,
+    views: Views,
+    execution: Execution,
+) -> Sheet:
+    """The picture of a rectangle of a plane."""
+    depth = 2 * plane.band
+    values, alpha = harmonics_on(layer, camera, execution)
+    eyes = np.stack([s.camera.center.double().numpy() for s in views.sights])
+    points = cells_of(camera, depth)
+    towards = torch.nn.functional.normalize(torch.from_numpy(points.mean(0) - eyes), dim=1)
+    usual = basis(towards, layer.degree).mean(0).numpy() / SH_DC
+    bands = values.reshape(*alpha.shape, -1, 3)
+    values[..., :3] = 0.5 + SH_DC * np.einsum("hwkc,k->hwc", bands, usual)
+    revealed, through, unhidden = testify(points, plane.heights(eyes), views, plane.band)
+    values = _even(values, alpha)
+    known, votes = alpha > COVERED, (through, np.maximum(unhidden, 1), unhidden)
+    through, all_, seen = (gaussian_filter(each.reshape(alpha.shape), EDGE) for each in votes)
+    solid = through <= SEEN_THROUGH * all_
+    for other in others:
+        behind = (other.heights(points) < -other.band).reshape(known.shape)
+        known &= ~behind | (seen > SEEN)
+        if (known & behind).sum() <= BEHIND * known.sum():
+            solid = solid & ~behind
+    hidden = (revealed > HIDDEN * unhidden).reshape(known.shape)
+    known |= closed(known, GAP) & solid & ~hidden
+    hole = enclosing((hidden & solid) | known) & ~known
+    open_ = hole & ~_surrounded(hole, known, hidden, least)
+    hole = _surrounded(hole & ~(open_ & ~_ending(known, open_)), known, hidden, least)
+    for loose in (~_wide(known, hole), ~opened(known)):
+        remains = known & closed(hole, NEAR_HOLE) & loose
+        known, hole = known & ~remains, hole | remains
+    hole = opened(hole) | (hole & enclosing(known))
+    empty = Sheet(camera, 1 / camera.fx, values, known, hole, hole, depth, usual)
+    close = np.abs(plane.heights(thing.points)) < CLOSE * thing.extent
+    return replace(empty, caster=empty.under(thing.points[close]))
+
+
+def standing(
+    sheet: Sheet, plane: Plane, points: Float[np.ndarray, "n 3"], extent: float
+) -> Bool[np.ndarray, "h w"]:
+    """The cells that something of these points, no mere roughness, stands on or hangs close over.
+
+    `extent` is the object's.
+    """
+    heights = plane.heights(points)
+    return sheet.under(points[(heights > plane.band) & (heights < plane.band + CLOSE * extent)])
+
+
+def _even(
+    values: Float[np.ndarray, "h w c"], alpha: Float[np.ndarray, "h w"]
+) -> Float[np.ndarray, "h w c"]:
+    """Values in which thin cells take those of their neighbors, by opacity."""
+    share = alpha.clip(0, 1)[..., None]
+    return share * values + (1 - share) * mean_around(values, alpha, 1.0)
+
+
+def _frame(rough: Sheet, extent: float) -> tuple[np.ndarray, np.ndarray]:
+    """Columns and rows, from and to, of the hole and of what is known around it."""
+    asked = rough.hole | (rough.caster & rough.known)
+    numbers, _ = parts_of(asked)
+    sizes = np.bincount(numbers[asked])
+    asked = asked & (sizes >= SPECK * sizes.max())[numbers]
+    rows, columns = np.nonzero(asked)
+    size = max(np.ptp(rows), np.ptp(columns)) + 1
+    margin = max(SURROUNDINGS * size, NEIGHBORHOOD * extent / rough.cell)
+    near = away_from(asked) < 3 + margin
+    around = touching(rough.known & near, widened(asked, 2))
+    rows, columns = np.nonzero(asked | around)
+    low = np.array((columns.min(), rows.min()), float) - 2
+    return low, np.array((columns.max(), rows.max()), float) + 3
+
+
+def _wide(known: Bool[np.ndarray, "h w"], hole: Bool[np.ndarray, "h w"]) -> np.ndarray:
+    """The connected parts of what is known that are no islands in the hole."""
+    numbers, _ = parts_of(known)
+    sizes = np.bincount(numbers.reshape(-1))
+    return known & (sizes >= ISLAND**2 * hole.sum())[numbers]
+
+
+def _ending(
+    known: Bool[np.ndarray, "h w"], hole: Bool[np.ndarray, "h w"]
+) -> Bool[np.ndarray, "h w"]:
+    """The rectangle around the known part that a hole is at the edge of; empty if it is none."""
+    core = touching(opened(known), widened(hole, 2 + GAP))
+    inside = rectangle_around(core)
+    rest = inside & ~hole
+    return inside & ((known & rest).sum() >= FULL * rest.sum())
+
+
+def _surrounded(
+    hole: Bool[np.ndarray, "h w"],
+    known: Bool[np.ndarray, "h w"],
+    hidden: Bool[np.ndarray, "h w"],
+    least: int,
+) -> Bool[np.ndarray, "h w"]:
+    """The connected holes that are large enough, the object's, and bordered by what is known."""
+    numbers, count = parts_of(hole)
+    sizes = np.bincount(numbers.reshape(-1), minlength=count + 1)
+    grown = np.asarray(grey_dilation(numbers, 5))
+    rim = (grown > 0) & (numbers == 0)
+    around = np.bincount(grown[rim], minlength=count + 1)
+    bordered = np.bincount(grown[rim & known], minlength=count + 1)
+    own = np.bincount(numbers[hidden], minlength=count + 1)
+    kept = (sizes >= least) & (bordered >= BORDERED * around) & (own >= OWN * sizes)
+    kept[0] = False
+    return kept[numbers]
+
+
+SHADOW_REACH = 0.7
+"""Farthest that a shadow reaches from what casts it, of its size."""
+CONTACT = 0.35
+"""Farthest that a shadow reaches where little is touched, of the farthest that is asked."""
+NEAREST = 0.65
+"""Largest share of what is known that is asked for a shadow: the rest says what is usual."""
+SHADED = 0.94
+"""Light, of what is usual, below which there is shadow."""
+DIM, USUAL = 0.85, 0.6
+"""Light beside it that is surely dim, of the quantile of all light that is usual."""
+WIDE = (4.0, 0.15)
+"""Standard deviation over which light is averaged for that, at least in cells, and of the size of
+what casts it: wider than a texture's own dark parts."""
+DEEP = 0.55
+"""Light, of what is usual, below which nothing of the surface can be brought back."""
+THIN = 0.08
+"""Half of the width, of the size of what casts it, up to which what is dark is no shadow: a crease
+between two surfaces, or a bridge to another's shadow."""
+CLOSER = 2.0
+"""How much nearer than the object what else stands there is to what is in its own shadow."""
+BLUR = 0.1
+"""Standard deviation over which light is averaged, of the size of what casts it."""
+GRAY = 1.2
+"""Largest ratio of the light of two colors in a shadow that ends sharply: else it is paint."""
+SOFT = 0.82
+"""Light at the border of a shadow, of what is usual, from which it fades out."""
+
+
+def find_shade(
+    picture: Float[np.ndarray, "h w 3"],
+    known: Bool[np.ndarray, "h w"],
+    hole: Bool[np.ndarray, "h w"],
+    caster: Bool[np.ndarray, "h w"],
+    others: Bool[np.ndarray, "h w"],
+    farthest: float,
+) -> tuple[Float[np.ndarray, "h w 3"], Bool[np.ndarray, "h w"]]:
+    """The shadow around what casts it, on what is known of a surface; `farthest` cells from it.
+
+    (light that is left of what is usual, in (0, 1], 1 where there is no shadow; cells that are too
+    dark for anything to be brought back).
+
+    What is nearer to `others`, that stand there too, is in their shadow.
+    """
+    none = np.ones_like(picture), np.zeros_like(hole)
+    source = hole | caster
+    if not caster.any() or not (known & ~source).any():
+        return none
+    size = float(np.sqrt(source.sum()))
+    away = away_from(source)
+    reach = max(SHADOW_REACH * size, CONTACT * farthest)
+    reach = min(reach, float(np.quantile(away[known], NEAREST)))
+    sigma, seen = max(1.0, BLUR * size), known.astype(np.float64)
+    mean = mean_around(picture, seen, sigma)
+    near = known & (away <= reach)
+    wide = mean_around(picture, seen, max(WIDE[0], WIDE[1] * size)).mean(-1)
+    dim = wide < DIM * np.quantile(wide[known], USUAL)
+    near |= touching(known & dim & (away <= farthest), source | near)
+    far = known & ~near
+    if not near.any() or not far.any():
+        return none
+    usual = complete(picture, far, hole | near).picture
+    light = mean / np.maximum(mean_around(usual, seen, sigma), 1e-3)
+    dark = near & (light.mean(-1) < SHADED)
+    dark &= opened(dark | source, max(1, round(THIN * size)))
+    if others.any():
+        dark &= CLOSER * away_from(others) > away
+    shadow = touching(dark, source)
+    if not shadow.any() or not _cast(light, shadow, known & ~shadow):
+        return none
+    light = _sharp(picture, usual, known, light, sigma)
+    light = np.where(shadow[..., None], light.clip(0.05, 1.0), 1.0)
+    fading = mean_around(light, seen, sigma / 2).clip(0.05, 1.0)
+    deep = shadow & (fading.mean(-1) < DEEP)
+    return np.where(known[..., None], fading, 1.0), deep
+
+
+def _sharp(
+    picture: Float[np.ndarray, "h w 3"],
+    usual: Float[np.ndarray, "h w 3"],
+    known: Bool[np.ndarray, "h w"],
+    light: Float[np.ndarray, "h w 3"],
+    sigma: float,
+) -> Float[np.ndarray, "h w 3"]:
+    """Light with the edges of shadows: medians keep them, means do not."""
+    seen = known.astype(np.float64)
+    ratio = mean_around(picture, seen, 1.0) / np.maximum(mean_around(usual, seen, 1.0), 1e-3)
+    width = 2 * round(sigma) + 1
+    return median_filter(np.where(known[..., None], ratio, light), (width, width, 1))
+
+
+def _cast(
+    light: Float[np.ndarray, "h w 3"],
+    shadow: Bool[np.ndarray, "h w"],
+    lit: Bool[np.ndarray, "h w"],
+) -> bool:
+    """Whether what is dark is a shadow: it fades out, or takes all colors alike."""
+    rim = shadow & widened(lit, 2)
+    if not rim.any() or np.median(light[rim].mean(-1)) > SOFT:
+        return True
+    channels = np.median(light[shadow], 0)
+    return bool(channels.max() < GRAY * channels.min())

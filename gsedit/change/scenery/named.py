@@ -1,0 +1,413 @@
+"""Weather and seasons by name: the light they come in, what they do to surfaces, and the colors
+that they add where those depend on the view.
+
+Covers, leaves and water change colors alike from every side; gloss of what is wet and the lines of
+drawings, which are where a surface turns away from the eye, are spherical harmonics of degree 2.
+`n` Gaussians, of which `m` change; `d` directions they are seen from; `k` coefficients.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from gsedit.change.light.named import LIGHTS, Fog, LightSetup, Sun
+from gsedit.change.light.present import survey
+from gsedit.change.light.relight import ColorChange, only_inside, relit_by, step
+from gsedit.change.scenery.setting import CLUMP, LEAF, Setting
+from gsedit.errors import UsageError
+from gsedit.scene.quaternions import even_directions
+from gsedit.toolkit.grade import GAMMA
+from gsedit.views.surroundings import find_surroundings, prefiltered, reflected
+from rasterizer.camera import Camera
+from rasterizer.harmonics import basis
+from rasterizer.numerics import AUTO, Execution, sh_to_color
+from rasterizer.scene import Gaussians
+
+DEGREE = 2
+"""Least degree of the result."""
+VIEWS = 48
+"""Even directions of the sphere; a Gaussian is seen from those on its outer side."""
+ROUGH_WET, ROUGH_PUDDLE = 0.3, 0.1
+"""Roughness of a wet surface, and of standing water."""
+WATER = 0.02
+"""Reflectance of water that is looked at straight."""
+LEAST_WET = 0.15
+"""Wetness below which nothing shines."""
+RIDGE = 0.02
+"""Weight of the coefficients' size against the fit: directions below the surface are not seen."""
+
+
+def wetness(setting: Setting) -> Float[Tensor, " n"]:
+    """How wet each Gaussian is, in [0, 1]: what faces up and is open above; sides in streaks."""
+    flat = step(setting.rise, 0.15, 0.75)
+    streaks = 0.55 * step(setting.noise(3 * LEAF, 21), -0.8, 0.8)
+    open_above = step(setting.overhead, 0.1, 0.5)
+    return torch.maximum(flat, streaks) * (0.25 + 0.75 * open_above) * (1 - setting.sky)
+
+
+def puddles(setting: Setting) -> Float[Tensor, " n"]:
+    """Share of standing water: in hollows of what is level."""
+    level = step(setting.rise, 0.9, 0.97) * setting.sure
+    return level * step(setting.noise(6 * LEAF, 22), 0.2, 0.7) * wetness(setting)
+
+
+def glossy(setting: Setting, after: Gaussians) -> Gaussians:
+    """The scene with reflections on what is wet, of a studio where nothing is around; `after` has
+    its colors, and may be dimmer."""
+    surface, place = setting.found.surface, setting.found.place
+    shown = (setting.found.seen > 0) * setting.found.trust
+    wet = wetness(setting) * setting.sure * shown
+    rows = (wet > LEAST_WET).nonzero().squeeze(-1)
+    near = (surface.points - place.center).norm(dim=-1) < 0.4 * place.distance
+    if not len(rows) or not bool(near.any()):
+        return after
+    maps = prefiltered(find_surroundings(setting.scene, near, place.up, setting.execution)).double()
+    dim = _dimming(setting.scene, after, rows)
+    standing = puddles(setting)[rows]
+    rough = torch.lerp(
+        torch.full_like(standing, ROUGH_WET), standing.new_tensor(ROUGH_PUDDLE), standing
+    )
+    views = torch.from_numpy(even_directions(VIEWS)).double()
+    views = views[views @ place.up > 0.0]
+    normals = surface.normals[rows]
+    base = sh_to_color(after.sh[rows, 0].double()).clamp(0, 1) ** GAMMA
+    gain = []
+    for view in views:
+        cosine = (normals @ view).clamp_min(0)
+        mirrored = 2 * cosine[:, None] * normals - view
+        fresnel = (WATER + (1 - WATER) * (1 - cosine) ** 5) * (1 - rough) * wet[rows]
+        fresnel = fresnel * (cosine > 0)
+        light = reflected(maps, mirrored, rough) * dim
+        gain.append((base + fresnel[:, None] * light) ** (1 / GAMMA) - base ** (1 / GAMMA))
+    return added(after, rows, views, gain)
+
+
+def _dimming(before: Gaussians, after: Gaussians, rows: Tensor) -> float:
+    """Light that is left, of the surroundings as of the wet surfaces."""
+    old, new = (
+        sh_to_color(each.sh[rows, 0].double()).clamp(0, 1) ** GAMMA for each in (before, after)
+    )
+    return float((new.mean() / old.mean().clamp_min(1e-6)).clamp(0.05, 1.0) ** 0.5)
+
+
+def added(
+    scene: Gaussians,
+    rows: Tensor,
+    views: Float[Tensor, "d 3"],
+    gains: Iterable[Float[Tensor, "m 3"]],
+) -> Gaussians:
+    """The scene with display colors added to rows of it, for each direction it is seen from."""
+    functions = basis(-views, DEGREE)
+    square = functions.T @ functions + RIDGE * len(views) * torch.eye(functions.shape[1]).double()
+    weights = torch.linalg.solve(square, functions.T)
+    fitted = torch.zeros(len(rows), len(weights), 3).to(weights)
+    for weight, gain in zip(weights.T, gains, strict=True):
+        fitted += weight[:, None] * gain[:, None]
+    sh = scene.detach().with_degree(max(scene.degree, DEGREE)).sh
+    sh[rows, : functions.shape[1]] += fitted.to(sh)
+    return replace(scene, sh=sh)
+
+
+PAPER, GRAPHITE = (0.95, 0.94, 0.91), (0.16, 0.16, 0.18)
+"""Display colors of paper and of lines."""
+RIM = 4
+"""Power of 1 less the cosine to the eye, with which a line at the rim of a surface fades."""
+PALE, VIVID = 0.75, 1.6
+"""Share of its darkness that a wash keeps, and the factor of its saturation."""
+
+
+def sketch(setting: Setting) -> ColorChange:
+    """Pencil on paper: shade in soft tones, lines where colors change."""
+    shade = 0.42 * (1 - _spread(setting)) ** 1.5
+    grain = 1 + 0.16 * setting.noise(LEAF / 3, 31)
+    share = (shade * grain + 0.75 * _lines(setting)).clamp(0, 1)
+    paper, graphite = (torch.tensor(each).double() for each in (PAPER, GRAPHITE))
+    return _veil(torch.lerp(paper, graphite, share[:, None]))
+
+
+def watercolor(setting: Setting) -> ColorChange:
+    """Washes: colors flow together, are vivid and pale, and pool at their edges."""
+    around = setting.found.surface.smoothed(setting.colors, 6)
+    brightest = around.amax(-1, keepdim=True)
+    gray = around.mean(-1, keepdim=True)
+    pale = (1 - PALE * (1 - brightest)) / brightest.clamp_min(0.05)
+    vivid = ((gray + VIVID * (around - gray)) * pale).clamp(0, 1)
+    thin = 0.25 + 0.13 * setting.noise(CLUMP / 2, 33) + 0.06 * setting.noise(LEAF / 2, 34)
+    paper = torch.tensor(PAPER).double()
+    pooled = 1 - 0.45 * _lines(setting)
+    wash = torch.lerp(vivid, paper.expand_as(vivid), thin.clamp(0, 0.8)[:, None])
+    return _veil((wash * pooled[:, None]).clamp(0, 1))
+
+
+def penciled(setting: Setting, after: Gaussians) -> Gaussians:
+    """The drawn scene with pencil lines where it turns away from the eye."""
+    surface = setting.found.surface
+    views = torch.from_numpy(even_directions(VIEWS)).double()
+    away = torch.tensor(GRAPHITE).double() - sh_to_color(after.sh[:, 0].double())
+    sure = step(surface.confidence, 0.5, 0.9)
+    rims = ((1 - (surface.normals @ view).clamp_min(0)) ** RIM for view in views)
+    lines = ((sure * rim)[:, None] * away for rim in rims)
+    return added(after, torch.arange(len(after)), views, lines)
+
+
+def _spread(setting: Setting) -> Float[Tensor, " n"]:
+    """Brightness from 0 for the darkest to 1 for the brightest parts of what is seen."""
+    luma = setting.found.surface.smoothed(setting.luminance) ** (1 / GAMMA)
+    weight = setting.found.seen
+    order = luma.argsort()
+    rank = weight[order].cumsum(0) / weight.sum().clamp_min(1e-12)
+    low, high = (
+        luma[order[int(torch.searchsorted(rank, share).clamp_max(len(luma) - 1))]]
+        for share in (0.02, 0.98)
+    )
+    return ((luma - low) / (high - low).clamp_min(1e-6)).clamp(0, 1)
+
+
+def _lines(setting: Setting) -> Float[Tensor, " n"]:
+    """How surely each Gaussian is on a line, in [0, 1]: darker than what is around it."""
+    surface = setting.found.surface
+    near, far = surface.smoothed(setting.luminance, 1), surface.smoothed(setting.luminance, 6)
+    ratio = (near + 0.005) / (far + 0.005)
+    return step(ratio ** (1 / GAMMA), 0.97, 0.78)
+
+
+def _veil(color: Float[Tensor, "n 3"]) -> ColorChange:
+    """Other colors instead of the present ones."""
+    return ColorChange(1.0, torch.ones_like(color), torch.ones(len(color)).double(), color)
+
+
+WHITE_SNOW, BLUE_SNOW = (1.0, 1.01, 1.03), (0.64, 0.74, 0.9)
+"""Display colors of snow in full light, and in its shade."""
+DRIFTS = 0.035
+"""Standard deviation of the brightness of drifts."""
+WINTER_SKY = (0.84, 0.87, 0.9)
+SAND, DARK_SAND = (0.89, 0.75, 0.53), (0.62, 0.46, 0.3)
+DESERT_SKY = (0.8, 0.83, 0.82)
+
+
+def snow(setting: Setting) -> ColorChange:
+    """Snow on what faces up and is open above; foliage is dusted, and steep sides stay."""
+    soft = setting.noise(3 * LEAF, 1)
+    lying = step(setting.rise + 0.1 * soft, 0.3, 0.62)
+    dusted = step(setting.noise(LEAF, 2) + 0.8 * setting.rise, -0.5, 0.7)
+    share = setting.sure * lying + (1 - setting.sure) * 0.85 * dusted
+    share = share * step(setting.overhead, 0.12, 0.55)
+    stems = setting.foliage * step(setting.noise(LEAF, 8), 0.2, 1.0)
+    share = setting.found.surface.smoothed(share * (1 - 0.7 * stems), 1) * 0.97
+    drifts = 1 + DRIFTS * setting.noise(3 * LEAF, 7)
+    color = _between(BLUE_SNOW, WHITE_SNOW, setting.lit(0.1, 0.7))
+    color = color * (setting.detail(0.35) * drifts)[:, None]
+    return _covered(setting, share, color, WINTER_SKY, 0.7, 0.9)
+
+
+def frost(setting: Setting) -> ColorChange:
+    """Thin white crystals: on leaves most, on what faces up, a little on all that is open."""
+    grain = step(setting.noise(LEAF / 2, 3) + 0.6 * setting.noise(2 * LEAF, 4), -1.2, 1.2)
+    leaves = 1 - 0.5 * setting.sure
+    share = (0.35 + 0.65 * grain) * leaves * (0.35 + 0.65 * step(setting.rise, -0.1, 0.8))
+    share = (1.5 * share * (0.3 + 0.7 * step(setting.overhead, 0.1, 0.6))).clamp_max(0.9)
+    color = _between((0.5, 0.64, 0.8), (0.86, 0.93, 0.99), setting.lit(0.15, 0.8))
+    return _covered(setting, share, color * setting.detail(0.5)[:, None], WINTER_SKY, 0.7, 0.96)
+
+
+def desert(setting: Setting) -> ColorChange:
+    """Sand on the ground, dust on the rest; foliage dries to straw."""
+    drift = step(setting.rise + 0.12 * setting.noise(4 * LEAF, 5), 0.45, 0.8)
+    around = setting.found.surface.points - setting.found.place.center
+    low = step(around @ setting.found.place.up / setting.found.place.distance, 0.05, -0.12)
+    ground = drift * (0.35 + 0.6 * low) * (0.3 + 0.7 * setting.sure)
+    dry = 0.85 * setting.foliage
+    share = 1 - (1 - ground) * (1 - dry) * (1 - 0.16)
+    color = _between(DARK_SAND, SAND, setting.lit(0.2, 0.9)) * setting.detail(0.6)[:, None]
+    ripples = 1 + 0.03 * setting.noise(LEAF, 6) * ground
+    return _covered(setting, share, color * ripples[:, None], DESERT_SKY, 0.9, 1.0)
+
+
+def _between(
+    low: tuple[float, ...], high: tuple[float, ...], share: Float[Tensor, " n"]
+) -> Float[Tensor, "n 3"]:
+    first, last = torch.tensor(low).double(), torch.tensor(high).double()
+    return first + share[:, None] * (last - first)
+
+
+def _covered(
+    setting: Setting,
+    share: Float[Tensor, " n"],
+    color: Float[Tensor, "n 3"],
+    sky: tuple[float, float, float],
+    saturation: float,
+    factor: float,
+) -> ColorChange:
+    """A cover over a scene, before a sky of a color; colors are as displayed in a light of 1."""
+    found = setting.found
+    present = found.surface.smoothed(found.light)
+    near = found.trust * found.seen
+    mean = (near @ present) / near.sum().clamp_min(1e-12)
+    present = mean + found.trust * (present - mean)
+    sky_part = 0.85 * setting.sky
+    veil = 1 - (1 - share) * (1 - sky_part)
+    mixed = ((1 - sky_part) * share * present ** (1 / GAMMA))[:, None] * color
+    mixed = mixed + sky_part[:, None] * torch.tensor(sky).double()
+    tint = mixed / veil.clamp_min(1e-12)[:, None]
+    ones = torch.full((len(share), 3), factor, dtype=torch.float64)
+    return ColorChange(saturation, ones, veil, tint)
+
+
+AUTUMN = ((0.36, 0.34, 0.1), (0.86, 0.62, 0.1), (0.88, 0.44, 0.08), (0.7, 0.2, 0.08),
+          (0.5, 0.3, 0.14))  # fmt: skip
+SPRING = ((0.42, 0.62, 0.2), (0.58, 0.74, 0.26), (0.66, 0.78, 0.36))
+SUMMER = ((0.16, 0.4, 0.1), (0.24, 0.5, 0.12), (0.36, 0.56, 0.14))
+BLOSSOM = ((1.0, 0.78, 0.87), (0.98, 0.6, 0.75))
+"""Display colors of foliage in middle light."""
+BRIGHTEST = 0.93
+"""Display color that foliage does not pass."""
+
+
+def autumn(setting: Setting) -> ColorChange:
+    """Leaves from green gold over orange to brown, by clump and by leaf."""
+    turned = 0.5 + 0.3 * setting.noise(CLUMP, 11) + 0.14 * setting.noise(LEAF, 12)
+    return _leaves(setting, ramp_of(AUTUMN, turned), 0.96)
+
+
+def spring(setting: Setting) -> ColorChange:
+    """Fresh leaves, and blossoms on some of the bushes."""
+    fresh = ramp_of(SPRING, 0.5 + 0.3 * setting.noise(CLUMP, 13) + 0.1 * setting.noise(LEAF, 14))
+    petals = step(setting.noise(3 * CLUMP, 15), -0.1, 0.15)  # finer ones mix to brown
+    petals = petals * (1 - step(setting.found.surface.confidence, 0.93, 0.99))
+    pink = ramp_of(BLOSSOM, 0.5 + 0.4 * setting.noise(CLUMP, 18))
+    return _leaves(setting, torch.lerp(fresh, pink, petals[:, None]), 0.96, petals)
+
+
+def summer(setting: Setting) -> ColorChange:
+    """Full, deep green leaves."""
+    deep = ramp_of(SUMMER, 0.5 + 0.3 * setting.noise(CLUMP, 19) + 0.1 * setting.noise(LEAF, 20))
+    return _leaves(setting, deep, 0.7)
+
+
+def ramp_of(
+    colors: tuple[tuple[float, float, float], ...], at: Float[Tensor, " n"]
+) -> Float[Tensor, "n 3"]:
+    """Colors along a ramp, from 0 to 1."""
+    table = torch.tensor(colors, dtype=torch.float64)
+    place = at.clamp(0, 1) * (len(table) - 1)
+    low = place.long().clamp_max(len(table) - 2)
+    return torch.lerp(table[low], table[low + 1], (place - low)[:, None])
+
+
+def _leaves(
+    setting: Setting,
+    color: Float[Tensor, "n 3"],
+    strength: float,
+    light: Float[Tensor, " n"] | None = None,
+) -> ColorChange:
+    """Foliage in other colors, as bright against each other as its leaves are; where `light` is 1,
+    as bright as the color is."""
+    leaves = setting.foliage
+    middle = setting.luminance[leaves > 0.5].median() if bool((leaves > 0.5).any()) else 0.2
+    shade = ((setting.luminance + 0.005) / (middle + 0.005)).clamp(0.05, 2.2) ** (1 / GAMMA)
+    if light is not None:
+        shade = torch.lerp(shade, shade.clamp_min(1.0), light)
+    lit = (color * shade[:, None]).clamp_max(BRIGHTEST)
+    ones = torch.ones(len(leaves), 3, dtype=torch.float64)
+    return ColorChange(1.0, ones, strength * leaves, lit)
+
+
+SOAKED = 0.62
+"""Share of its light that soaked stone or soil loses: water fills the pores that scatter it."""
+CAUSTIC = 0.55
+"""Gain of light where waves focus it."""
+
+
+def wet(setting: Setting) -> ColorChange:
+    """Soaked surfaces: darker and more saturated; standing water darkest."""
+    soaked = wetness(setting) * (1 - 0.6 * setting.foliage)
+    linear = 1 - SOAKED * soaked - 0.2 * puddles(setting)
+    factor = linear.clamp_min(0.1) ** (1 / GAMMA)
+    return _times(1.12, factor)
+
+
+def caustics(setting: Setting) -> ColorChange:
+    """A net of light on what faces up, as below waves."""
+    size = 5 * LEAF
+    ridges = torch.exp(-6 * setting.noise(size, 23).abs()) + torch.exp(
+        -6 * setting.noise(0.8 * size, 24).abs()
+    )
+    net = CAUSTIC * ridges * step(setting.rise, 0.0, 0.8) * setting.found.trust
+    factor = (0.85 + net) ** (1 / GAMMA)
+    return _times(1.0, factor)
+
+
+def _times(saturation: float, factor: Float[Tensor, " n"]) -> ColorChange:
+    """Display colors, more or less saturated, times a factor."""
+    colors = factor[:, None].expand(-1, 3)
+    return ColorChange(saturation, colors, torch.zeros_like(factor), torch.zeros_like(colors))
+
+
+Effect = Callable[[Setting], ColorChange]
+Sheen = Callable[[Setting, Gaussians], Gaussians]
+
+
+@dataclass(frozen=True)
+class Scenery:
+    """A weather or season."""
+
+    light: LightSetup | None
+    """Light that it comes in; None: the present light."""
+    effects: tuple[Effect, ...]
+    """Changes of surfaces, in order, of the scene in its present light."""
+    sheen: Sheen | None = None
+    """Adds colors that depend on the view, to the scene after the effects."""
+
+
+OVERCAST = LightSetup((0.95, 0.99, 1.05), (0.35, 0.35, 0.36))
+RAIN = LightSetup(
+    (0.55, 0.6, 0.66), (0.15, 0.155, 0.16), saturation=0.72,
+    fog=Fog((0.5, 0.54, 0.57), 0.28, 0.3, 0.03), backdrop=(0.55, 0.59, 0.63),
+)  # fmt: skip
+HEAT = LightSetup((0.3, 0.27, 0.23), (0.22, 0.17, 0.11), Sun(-40.0, 58.0, 1.1, (1.0, 0.9, 0.7)))
+
+SCENERIES: dict[str, Scenery] = {
+    "snow": Scenery(OVERCAST, (snow,)),
+    "frost": Scenery(OVERCAST, (frost,)),
+    "rain": Scenery(RAIN, (wet,), sheen=glossy),
+    "wet": Scenery(None, (wet,), sheen=glossy),
+    "desert": Scenery(HEAT, (desert,)),
+    "autumn": Scenery(None, (autumn,)),
+    "spring": Scenery(None, (spring,)),
+    "summer": Scenery(LIGHTS["sunny"], (summer,)),
+    "sketch": Scenery(None, (sketch,), penciled),
+    "watercolor": Scenery(None, (watercolor,)),
+    "underwater": Scenery(LIGHTS["underwater light"], (caustics,)),
+}
+"""Weather and seasons by the names that `gsedit.words` gives them."""
+
+
+def in_scenery(
+    scene: Gaussians,
+    name: str,
+    cameras: Sequence[Camera],
+    seen: Float[Tensor, " n"] | None = None,
+    inside: Bool[Tensor, " n"] | None = None,
+    execution: Execution = AUTO,
+) -> Gaussians:
+    """The scene in a weather or season; Gaussians that are not `inside` keep their coefficients.
+
+    Arguments as of gsedit.change.light.relight.relit. Raises UsageError for an unknown name.
+    """
+    if name not in SCENERIES:
+        raise UsageError(f"there is no scenery {name!r}: choose one of {', '.join(SCENERIES)}")
+    scenery = SCENERIES[name]
+    found = survey(scene, cameras, seen, execution)
+    after = scene
+    for effect in scenery.effects:
+        after = effect(Setting(after, found, cameras, execution)).applied(after)
+    if scenery.light is not None:
+        after = relit_by(found, after, scenery.light, execution)
+    if scenery.sheen is not None:
+        after = scenery.sheen(Setting(scene, found, cameras, execution), after)
+    return only_inside(scene, after, inside)

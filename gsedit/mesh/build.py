@@ -1,0 +1,294 @@
+"""A mesh of a scene: what views see, fused, tidied and colored."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float, Float64
+from scipy.ndimage import label
+from torch import Tensor
+
+from gsedit.errors import UsageError
+from gsedit.mesh.close import closed
+from gsedit.mesh.fuse import Ball, fuse
+from gsedit.mesh.triangles import Mesh, from_open3d, to_open3d
+from gsedit.scene.neighbors import k_nearest
+from gsedit.views.around import FOUND_SIZE_PIXELS, find_viewpoints
+from gsedit.views.dataset import evenly_spaced
+from gsedit.views.depth import SeenSurface, seen_surface
+from gsedit.views.paths import common_point
+from rasterizer.camera import Camera
+from rasterizer.numerics import AUTO, Execution
+from rasterizer.scene import Gaussians
+
+CRUMB = 0.01
+"""Area of a part, in that of the largest one, below which it is dropped: floaters."""
+ROUNDS = 5
+"""Rounds of Taubin's smoothing, which keeps volumes: noise of single voxels goes."""
+
+
+def without_crumbs(mesh: Mesh) -> Mesh:
+    """The mesh without the parts that are small beside its largest one."""
+    if not len(mesh.faces):
+        return mesh
+    part = mesh.components
+    area = np.bincount(part, mesh.areas)
+    return mesh.kept(area[part] >= CRUMB * area.max())
+
+
+def smoothed(mesh: Mesh) -> Mesh:
+    """The mesh after Taubin's smoothing (1995)."""
+    return from_open3d(to_open3d(mesh).filter_smooth_taubin(ROUNDS))
+
+
+def decimated(mesh: Mesh, faces: int) -> Mesh:
+    """The mesh with at most `faces` faces, by quadric errors (Garland and Heckbert 1997)."""
+    if len(mesh.faces) <= faces:
+        return mesh
+    return from_open3d(to_open3d(mesh).simplify_quadric_decimation(faces))
+
+
+LEAST = 0.05
+"""Share of the pixels from which what is behind a scene may be a backdrop."""
+EVEN, ALIKE = 0.9, 0.04
+"""Share of what is behind that has the backdrop's color, and the largest difference of a channel,
+ten levels of 256: fits of even backdrops stay below a fourth of it."""
+
+
+def backdrop_color(surfaces: Sequence[SeenSurface], ball: Ball) -> Float[Tensor, "3"] | None:
+    """The one color, in [0, 1], of all that is seen outside of the ball; None where it has several,
+    or is hardly seen."""
+    behind = [s.seen & ~ball.holds(s.points, s.spread) for s in surfaces]
+    colors = torch.cat([_shown(s)[some] for s, some in zip(surfaces, behind)])
+    if len(colors) < max(1.0, LEAST * sum(s.depth.numel() for s in surfaces)):
+        return None
+    color = colors.median(0).values
+    even = _alike(colors, color).double().mean()
+    return color if float(even) >= EVEN else None
+
+
+def before_backdrop(surface: SeenSurface, color: Float[Tensor, "3"], ball: Ball) -> SeenSurface:
+    """The surface without the backdrop, of whose rays nothing is known then: all that has its color
+    and goes on to what is behind the ball."""
+    alike = _alike(_shown(surface), color) & surface.seen
+    behind = alike & ~ball.holds(surface.points, surface.spread)
+    parts = np.zeros(alike.shape, np.int32)
+    label(alike.numpy(), output=parts)  # 0 where not alike
+    gone = torch.from_numpy(np.isin(parts, np.unique(parts[behind.numpy()])))
+    return replace(surface, depth=surface.depth.masked_fill(gone, 0))
+
+
+def _shown(surface: SeenSurface) -> Float[Tensor, "h w 3"]:
+    """Colors without what shines through."""
+    return surface.color / surface.alpha[..., None].clamp_min(0.5)
+
+
+def _alike(colors: Float[Tensor, "*b 3"], color: Float[Tensor, "3"]) -> Bool[Tensor, "*b"]:
+    return (colors - color).abs().amax(-1) < ALIKE
+
+
+FACES = 200_000
+"""Faces of a mesh: what a browser or a game shows at ease."""
+VIEWS, FOUND = 64, 36
+"""Most views that are fused, and those that are found; more cost time, and agree."""
+RINGS = (20.0, 55.0, -25.0)
+"""Elevations, degrees, of the views around an object without cameras: it has an underside."""
+SURVEY_PIXELS = 192
+"""Longer side of the pictures that tell how large and how fine the surface is."""
+MOST_PIXELS = 800
+"""Longest side of the pictures that are fused."""
+FINENESS = 0.45
+"""Side of the voxels, in the median standard deviation of the Gaussians that are seen: finer ones
+show their noise."""
+FEW, COARSE = 0.02, 2.0
+"""Share of what is seen below which all seems haze: a scene of few, wide Gaussians. Up to so many
+times their median standard deviation they are taken then."""
+REACHED, MARGIN = 0.98, 1.1
+"""Share of what is seen that a mesh holds, and the radius of its ball against its reach."""
+
+
+@torch.no_grad()
+def mesh(
+    scene: Gaussians,
+    cameras: Sequence[Camera] = (),
+    *,
+    inside: Bool[Tensor, " n"] | None = None,
+    faces: int = FACES,
+    watertight: bool = False,
+    execution: Execution = AUTO,
+) -> Mesh:
+    """Make a mesh of at most `faces` triangles of what the cameras look at; found ones without any.
+
+    Of a capture it ends at the cameras' distance from what they look at. `inside` are the Gaussians
+    to take, drawn alone. `watertight` closes the surface where nobody saw it, too. Units and axes
+    are those of the scene. Raises UsageError where there is no surface.
+    """
+    if faces < 4:
+        raise UsageError(f"a mesh has 4 faces or more, not {faces}")
+    if any(camera.model != "pinhole" for camera in cameras):
+        raise UsageError("a mesh is made from pinhole cameras: leave the parallel ones out")
+    alone = scene if inside is None else scene[inside]
+    if not len(alone):
+        raise UsageError("nothing is selected: there is no surface to make a mesh of")
+    chosen = _views(alone, cameras, execution)
+    survey = _survey(alone, chosen, inside is not None, execution)
+    ball, voxel = survey.ball, survey.voxel
+    views = [_scaled(camera, survey.pixel / voxel) for camera in chosen]
+    surfaces = [survey.of(seen_surface(alone, camera, execution)) for camera in views]
+    found, voxel = fuse(surfaces, ball, voxel)
+    found = without_crumbs(found)
+    if not len(found.faces):
+        raise UsageError("no surface was found: its Gaussians are too faint, or no view sees it")
+    found = smoothed(found)
+    found = without_crumbs(closed(found, voxel, faces)) if watertight else decimated(found, faces)
+    return replace(found, colors=painted(found, surfaces, voxel))
+
+
+def _views(scene: Gaussians, cameras: Sequence[Camera], execution: Execution) -> Sequence[Camera]:
+    """The views that are fused: some of the cameras, or found ones."""
+    if cameras:
+        return [cameras[i] for i in evenly_spaced(len(cameras), VIEWS)]
+    found = find_viewpoints(scene, FOUND, FOUND_SIZE_PIXELS, rings=RINGS, execution=execution)
+    return [each.camera for each in found]
+
+
+@dataclass(frozen=True, eq=False)
+class _Survey:
+    """Facts that small pictures tell."""
+
+    ball: Ball
+    """Part of the world to make a mesh of."""
+    voxel: float
+    """Side of the voxels, world units."""
+    pixel: float
+    """The side of a pixel of the cameras, on the surface."""
+    backdrop: Float[Tensor, "3"] | None
+    """Its color, where it has one."""
+
+    def of(self, surface: SeenSurface) -> SeenSurface:
+        """The surface without the backdrop; its pictures in half precision, for there are many."""
+        if self.backdrop is not None:
+            surface = before_backdrop(surface, self.backdrop, self.ball)
+        return replace(surface, color=surface.color.half(), alpha=surface.alpha.half())
+
+
+def _survey(
+    scene: Gaussians, cameras: Sequence[Camera], whole: bool, execution: Execution
+) -> _Survey:
+    """Survey what is seen: all of it if `whole`, else what the cameras look at."""
+    seen = [seen_surface(scene, camera.fitted(SURVEY_PIXELS), execution) for camera in cameras]
+    ball = _ball(seen, cameras, whole)
+    backdrop = backdrop_color(seen, ball)
+    if backdrop is not None:
+        rest = [before_backdrop(surface, backdrop, ball) for surface in seen]
+        if any(bool(surface.seen.any()) for surface in rest):
+            seen, ball = rest, _ball(rest, cameras, whole, usual=torch.inf)
+        else:  # all has its color: it tells nothing apart
+            backdrop = None
+    points, spread, sides = _pixels(seen, cameras)
+    held = ball.holds(points, spread)
+    if not held.any():
+        raise UsageError("the views show haze and no surface: add --region")
+    pixel = float(sides[held].median())
+    longest = max(max(camera.width, camera.height) for camera in cameras)
+    voxel = max(FINENESS * float(spread[held].median()), pixel * longest / MOST_PIXELS)
+    return _Survey(ball, voxel, pixel, backdrop)
+
+
+def _pixels(
+    seen: Sequence[SeenSurface], cameras: Sequence[Camera]
+) -> tuple[Float[Tensor, "p 3"], Float[Tensor, " p"], Float[Tensor, " p"]]:
+    """(places, standard deviations of Gaussians, sides of the cameras' pixels) of what is seen."""
+    shown = [surface.seen for surface in seen]
+    points = torch.cat([surface.points[h] for surface, h in zip(seen, shown)])
+    spread = torch.cat([surface.spread[h] for surface, h in zip(seen, shown)])
+    sides = [s.depth[h] / c.fx for s, h, c in zip(seen, shown, cameras)]
+    if not len(points):
+        raise UsageError("the views show no surface: name cameras by --data, or add --region")
+    return points, spread, torch.cat(sides)
+
+
+def _ball(
+    seen: Sequence[SeenSurface], cameras: Sequence[Camera], whole: bool, usual: float = 0.0
+) -> Ball:
+    """The ball that holds nearly all of the surface, or what of it the cameras look at."""
+    points, spread, _ = _pixels(seen, cameras)
+    target = None if whole else common_point(cameras)
+    center = points.median(0).values if target is None else target
+    most = torch.inf
+    if target is not None:
+        eyes = torch.stack([camera.center.detach().double() for camera in cameras])
+        most = float((eyes - center).norm(dim=-1).median())
+    away = (points - center).norm(dim=-1)
+    radius = min(most, float(away.max()) * MARGIN)
+    near, first = away < radius, Ball(center, radius, usual)
+    if float(first.holds(points, spread).sum()) < FEW * float(near.sum()):
+        usual = COARSE * float(spread[near].median())
+        first = Ball(center, radius, usual)
+    held = away[first.holds(points, spread)].sort().values
+    if not len(held):
+        return first
+    return Ball(center, min(most, MARGIN * float(held[int(REACHED * (len(held) - 1))])), usual)
+
+
+def _scaled(camera: Camera, factor: float) -> Camera:
+    """The view on so many times the pixels, at most MOST_PIXELS on its longer side."""
+    longest = max(camera.width, camera.height)
+    factor = min(factor, MOST_PIXELS / longest)
+    return camera.resized(*(max(1, round(factor * s)) for s in (camera.width, camera.height)))
+
+
+HIDDEN_VOXELS = 3.0
+"""Distance behind what a view sees, in voxels, from which a vertex is hidden."""
+FACING = 4
+"""Power of the cosine to a view by which its color counts: slanted looks are smeared."""
+GREY = 0.5
+"""Color of vertices where no view sees any."""
+
+
+def painted(
+    mesh: Mesh, surfaces: Sequence[SeenSurface], voxel: float
+) -> Float64[np.ndarray, "v 3"]:
+    """Colors of the vertices, sRGB in [0, 1]: means over the views that see them, by how straight
+    and near they look. Those that none sees take that of the nearest one that is seen."""
+    points, normals = torch.from_numpy(mesh.vertices), torch.from_numpy(mesh.normals)
+    total, weight = torch.zeros_like(points), points.new_zeros(len(points))
+    for surface in surfaces:
+        color, strength = _seen(points, normals, surface, HIDDEN_VOXELS * voxel)
+        total += strength[:, None] * color
+        weight += strength
+    seen = (weight > 0).numpy()
+    colors = (total / weight.clamp_min(1e-300)[:, None]).clamp(0, 1).numpy()
+    if not seen.any():
+        return np.full_like(colors, GREY)
+    if not seen.all():
+        _, near = k_nearest(mesh.vertices[seen], mesh.vertices[~seen], 1)
+        colors[~seen] = colors[seen][near[:, 0]]
+    return colors
+
+
+def _seen(
+    points: Float[Tensor, "v 3"],
+    normals: Float[Tensor, "v 3"],
+    surface: SeenSurface,
+    behind: float,
+) -> tuple[Float[Tensor, "v 3"], Float[Tensor, " v"]]:
+    """Colors of vertices in a view, and their weights: 0 where it does not see them."""
+    camera = surface.camera
+    xy, z = camera.project(points)
+    size = xy.new_tensor((camera.width, camera.height))
+    grid = (2 * xy / size - 1)[None, None].float()
+    maps = torch.cat((surface.color, surface.alpha[..., None]), -1).movedim(-1, 0)[None].float()
+    color = torch.nn.functional.grid_sample(maps, grid, align_corners=False)[0, :, 0].T.double()
+    depth = torch.nn.functional.grid_sample(
+        surface.depth[None, None].float(), grid, mode="nearest", align_corners=False
+    )[0, 0, 0].double()
+    towards = torch.nn.functional.normalize(camera.center.to(points) - points, dim=-1)
+    straight = (normals * towards).sum(-1).clamp_min(0)
+    inside = (z > 0) & ((xy > 0) & (xy < size)).all(-1) & (depth > 0)
+    visible = inside & ((z - depth).abs() < behind)
+    strength = visible * straight**FACING / z.clamp_min(1e-300).square()
+    return color[:, :3] / color[:, 3:].clamp_min(0.5), strength

@@ -1,0 +1,282 @@
+"""A program that fills a folder of pictures from another: its command line, its run, its folders.
+
+No shell is involved. The command is split once, as a shell would split it, and only then are the
+FIELDS put in: whatever the instruction holds, it stays inside one argument. (One that begins with a
+dash may still look like an option to the program: `--prompt={prompt}` prevents that.) A program
+never outlives its caller.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import shutil
+import signal
+import subprocess
+import tempfile
+import time
+from collections import deque
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from gsedit.errors import GseditError, InputError, UsageError
+from gsedit.formats.pictures import as_picture, read_picture
+from gsedit.paper.editors.command import EXAMPLE
+
+FIELDS = ("input", "output", "prompt", "seed", "renders", "masks", "python")
+POLL = 0.1  # seconds between looks at a program, which works for seconds at least
+GRACE = 3.0  # seconds between asking a program to stop and killing it
+
+
+def split_command(run: str, known: Sequence[str] = FIELDS, example: str = EXAMPLE) -> list[str]:
+    """The command as a list of words, fields in place. Raises UsageError if it is not valid, with
+    the option that it was given as, which the example begins with."""
+    option = example.split()[0]
+    fields = re.findall(r"\{([a-z_]+)\}", run)
+    for unknown in sorted(set(fields) - set(known)):
+        names = ", ".join(f"{{{name}}}" for name in known)
+        raise UsageError(f"{option} knows no {{{unknown}}}, only {names}")
+    for needed in ("input", "output"):
+        if needed not in fields:
+            raise UsageError(
+                f"{option} has no {{{needed}}}: say where the program finds the folder, "
+                f"as in {example}"
+            )
+    try:
+        return shlex.split(run)
+    except ValueError as error:
+        raise UsageError(f"{option} cannot be split into words ({error}): {run}") from None
+
+
+def check_program(word: str, option: str = "--run") -> None:
+    """Raise UsageError where there is no program of that name to run."""
+    if word != "{python}" and shutil.which(word) is None:
+        raise UsageError(
+            f"there is no program {word!r} to run: install it, or give its whole path in "
+            f"{option} (a script must be executable, or be given to its interpreter: "
+            "'python script.py ...')"
+        )
+
+
+def fill_fields(words: list[str], values: Mapping[str, str]) -> list[str]:
+    """The words with every field replaced by its value; each stays one argument."""
+    pattern = re.compile("|".join(rf"\{{{name}\}}" for name in values))
+    return [pattern.sub(lambda field: values[field[0][1:-1]], word) for word in words]
+
+
+@contextmanager
+def running(
+    arguments: list[str], stdout: IO[bytes], stderr: IO[bytes]
+) -> Iterator[subprocess.Popen[bytes]]:
+    """The program, started; at the end of the block it and all it started are ended.
+
+    Raises UsageError where it cannot be started.
+    """
+    program = _start(arguments, stdout, stderr)
+    try:
+        yield program
+    finally:
+        _end(program)
+
+
+def wait(program: subprocess.Popen[bytes]) -> int | None:
+    """The exit code, or None after POLL seconds."""
+    try:
+        return program.wait(POLL)
+    except subprocess.TimeoutExpired:
+        return None
+
+
+def describe_exit(code: int) -> str:
+    """How a program ended: with a code, or (negative) by a signal."""
+    if code >= 0:
+        return f"ended with code {code}"
+    try:
+        name = signal.Signals(-code).name
+    except ValueError:
+        name = f"signal {-code}"
+    return f"was ended by {name}"
+
+
+def _start(arguments: list[str], stdout: IO[bytes], stderr: IO[bytes]) -> subprocess.Popen[bytes]:
+    """The program in a group of its own, so that what it starts can be ended with it."""
+    try:
+        return subprocess.Popen(
+            arguments,
+            stdin=subprocess.DEVNULL,  # a question would wait for ever
+            stdout=stdout,  # not ours: results for other programs go there
+            stderr=stderr,
+            start_new_session=True,
+        )
+    except OSError as error:
+        raise UsageError(
+            f"{arguments[0]} cannot be started ({error.strerror}): is it executable?"
+        ) from error
+
+
+def _end(program: subprocess.Popen[bytes]) -> None:
+    """End the program and all it started, unless it ended well: by SIGTERM, then by SIGKILL."""
+    if program.poll() == 0:
+        return
+    try:
+        _send(program, signal.SIGTERM)
+        with suppress(subprocess.TimeoutExpired):
+            program.wait(GRACE)
+    finally:
+        _send(program, getattr(signal, "SIGKILL", signal.SIGTERM))
+        program.wait()
+
+
+def _send(program: subprocess.Popen[bytes], number: int) -> None:
+    if not hasattr(os, "killpg"):  # Windows
+        program.send_signal(number)
+        return
+    with suppress(ProcessLookupError):  # everything has ended meanwhile
+        os.killpg(program.pid, number)
+
+
+# ---- the folders ---------------------------------------------------------------------------------
+
+QUOTED = 5  # last lines of a failed program's output
+
+
+@dataclass(frozen=True)
+class Exchange:
+    """A folder with `input`, `output`, and what the program writes on stdout and stderr."""
+
+    folder: Path
+    names: tuple[str, ...]
+    """Names of the pictures, in both folders."""
+
+    @property
+    def input(self) -> Path:
+        return self.folder / "input"
+
+    @property
+    def output(self) -> Path:
+        return self.folder / "output"
+
+    @property
+    def stdout(self) -> Path:
+        return self.folder / "stdout.txt"
+
+    @property
+    def stderr(self) -> Path:
+        return self.folder / "stderr.txt"
+
+    @property
+    def finished(self) -> int:
+        """The number of pictures that the program has written."""
+        return sum((self.output / name).is_file() for name in self.names)
+
+    @property
+    def remains(self) -> str:
+        """A sentence for error messages: what the program made, and where it is."""
+        return f"{self.finished} of {len(self.names)} pictures are in {self.output}"
+
+    def last_lines(self) -> str:
+        """The end of what the program wrote on stderr, or else on stdout, on one line."""
+        for path in (self.stderr, self.stdout):
+            with path.open(encoding="utf-8", errors="replace") as file:
+                lines = deque((line.strip() for line in file if line.strip()), QUOTED)
+            if lines:
+                return f"it said: {' | '.join(lines)}"
+        return "it said nothing"
+
+    def write(self, inside: str, images: Iterable[Float[Tensor, "_ _ 3"]]) -> None:
+        """The pictures as 8-bit PNGs into the folder `inside` this one."""
+        place = self.folder / inside
+        place.mkdir(exist_ok=True)
+        for image, name in zip(images, self.names, strict=True):
+            as_picture(image).save(place / name)
+
+    def read(self, height: int, width: int) -> Float[Tensor, "v {height} {width} 3"]:
+        """The pictures in `output`. Raises InputError naming the first bad one."""
+        return torch.stack([self._read(name, height, width) for name in self.names])
+
+    def made(self, name: str) -> Path:
+        """The picture that the program made. Raises InputError where it made none."""
+        path = self.output / name
+        if not path.is_file():
+            others = sorted(p.name for p in self.output.iterdir() if p.name not in self.names)
+            wrote = f" (it wrote {', '.join(others[:3])})" if others else ""
+            raise InputError(
+                f"the program ended well but made no {name}{wrote}: {{output}} needs a picture of "
+                f"the same name for every one in {{input}}. {self.remains}"
+            )
+        return path
+
+    def _read(self, name: str, height: int, width: int) -> Float[Tensor, "{height} {width} 3"]:
+        path = self.made(name)
+        try:
+            picture = read_picture(path)
+        except InputError as error:
+            raise InputError(f"{error}. {self.remains}") from None
+        if tuple(picture.shape[:2]) != (height, width):
+            raise InputError(
+                f"the program made {name} {picture.shape[1]}x{picture.shape[0]} pixels of one of "
+                f"{width}x{height}: the sizes must be equal, or the picture does not fit its "
+                f"camera. {self.remains}"
+            )
+        return picture
+
+
+def run_in(
+    exchange: Exchange, arguments: list[str], timeout: float | None = None, advice: str = ""
+) -> Iterator[int]:
+    """Run a program to its end; yields the number of pictures whenever it has grown.
+
+    It is ended after `timeout` seconds, and when the caller leaves early. Raises UsageError where
+    it cannot be started, GseditError where it fails or takes too long (with `advice`).
+    """
+    name = Path(arguments[0]).name
+    deadline = None if timeout is None else time.monotonic() + timeout
+    finished = 0
+    with (
+        exchange.stdout.open("wb") as stdout,
+        exchange.stderr.open("wb") as stderr,
+        running(arguments, stdout, stderr) as program,
+    ):
+        while (code := wait(program)) is None:
+            if deadline is not None and time.monotonic() > deadline:
+                raise GseditError(
+                    f"{name} was stopped after {timeout:g} s: {advice}. {exchange.remains}"
+                )
+            if exchange.finished > finished:
+                finished = exchange.finished
+                yield finished
+    if code:
+        raise GseditError(
+            f"{name} {describe_exit(code)}; {exchange.last_lines()}. {exchange.remains}"
+        )
+
+
+def new_exchange(parent: Path | None, names: Sequence[str]) -> Exchange:
+    """A new folder in `parent` (None: the system's for temporary files). Raises UsageError."""
+    try:
+        if parent is not None:
+            parent.mkdir(parents=True, exist_ok=True)
+        folder = Path(tempfile.mkdtemp(prefix="batch-", dir=parent)).absolute()
+        for name in ("input", "output"):
+            (folder / name).mkdir()
+    except OSError as error:
+        raise UsageError(
+            f"no folder can be made to exchange pictures in ({error}): is the disk full?"
+        ) from error
+    return Exchange(folder, tuple(names))
+
+
+def remove_exchange(exchange: Exchange, parent: Path | None) -> None:
+    """Remove the folder, and `parent` if it is then empty."""
+    shutil.rmtree(exchange.folder, ignore_errors=True)
+    if parent is not None:
+        with suppress(OSError):  # an earlier run's folders are not ours to remove
+            parent.rmdir()

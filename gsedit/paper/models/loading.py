@@ -1,0 +1,257 @@
+"""A model of any family, from a folder, a single file or a hub id."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from gsedit.errors import InputError, UsageError
+from gsedit.paper.diffusion.memory import GB, SHARE, free_bytes
+from gsedit.paper.diffusion.settings import Precision
+from gsedit.paper.models.hub import (
+    INDEX,
+    NO_PICKLE,
+    PICKLES,
+    PIPELINES,
+    SD,
+    SDXL,
+    Consent,
+    Family,
+    Part,
+    family_of,
+    find,
+    inspect,
+    require,
+    settings_for,
+    settings_in,
+    stored_in,
+)
+from gsedit.paper.models.model import Model, TextNetwork
+
+DTYPES = {"F32": torch.float32, "F16": torch.float16, "BF16": torch.bfloat16}
+"""By their names in the headers of safetensors files."""
+FIRST_LAYER = "model.diffusion_model.input_blocks.0.0.weight"
+"""Name of a U-Net's first convolution in Stability AI's checkpoints."""
+SECOND_TEXT = "conditioner.embedders.1."
+"""Beginning of the names of SDXL's second text encoder in them."""
+EDM = "edm_vpred.sigma_max"
+"""Name by which CosXL's checkpoints are told."""
+
+
+def load_model(
+    model: str | Path,
+    *,
+    weights_dir: str | Path | None = None,
+    micro_batch: int = 1,
+    precision: Precision = "auto",
+    yes: Consent = False,
+) -> Model:
+    """The model of a folder, file or hub id, looked for on this machine before the hub is asked.
+
+    Only safetensors are read, and no code that comes with a model is run. `yes` agrees to a
+    download, or is asked with its size and licence. Raises UsageError without diffusers, agreement,
+    or memory, InputError for a model that is missing, incomplete, a pickle or of another kind.
+    """
+    place = find(str(model), weights_dir, yes=yes)
+    try:
+        for library in ("accelerate", "diffusers", "transformers"):
+            import_module(library)
+    except ImportError as error:
+        raise UsageError(
+            f"the editors pix2pix and diffusers need {error.name}: pip install 'gsedit[diffusers]'"
+        ) from error
+    parts = Parts.of_file(place, precision, yes) if place.is_file() else Parts.of(place, precision)
+    return import_module(f"gsedit.paper.models.{parts.family.module}").load(
+        parts, micro_batch=micro_batch
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Parts:
+    """The components of a model, loaded one at a time. Every method raises InputError."""
+
+    folder: Path
+    """The folder with the settings, and the weights but for a single file's."""
+    index: dict[str, Any]
+    """The contents of model_index.json: classes of the components, and the pipeline's settings."""
+    family: Family
+    held: dict[str, Part]
+    precision: Precision = "auto"
+    """Precision of the weights in memory; auto: as they are stored, see `dtype`."""
+    pipeline: Any = None
+    """Pipeline of diffusers that a single file made; None for a folder."""
+
+    @classmethod
+    def of(cls, folder: Path, precision: Precision = "auto") -> Parts:
+        """The parts of a folder that is whole."""
+        held = inspect(folder)
+        require(held, folder)
+        index = settings_in(folder / INDEX)
+        parts = {part.name: part for part in held}
+        made = cls(folder, index, family_of(index, folder), parts, precision)
+        made.check_memory()
+        return made
+
+    @classmethod
+    def of_file(cls, file: Path, precision: Precision, yes: Consent) -> Parts:
+        """The parts of a checkpoint of InstructPix2Pix by the names of Stability AI's code."""
+        if file.suffix in PICKLES:
+            raise InputError(f"{file} is a pickle: {NO_PICKLE}; give a folder, or safetensors")
+        stored = stored_in(file)
+        if FIRST_LAYER not in stored or EDM in stored:
+            raise InputError(
+                f"{file} is no checkpoint of InstructPix2Pix: give one, or a folder in diffusers' "
+                f"layout, such as --model {SD.example}"
+            )
+        family = SDXL if any(name.startswith(SECOND_TEXT) for name in stored) else SD
+        folder = settings_for(file, family, yes=yes)
+        name = next(name for name, each in PIPELINES.items() if each == family)
+        part = Part(file.name, "", (file,), stored[FIRST_LAYER][1])
+        made = cls(folder, settings_in(folder / INDEX), family, {"unet": part}, precision)
+        import diffusers
+
+        with explained(str(file)), quiet():
+            pipeline = getattr(diffusers, name).from_single_file(
+                str(file), config=str(folder), local_files_only=True,
+                torch_dtype=made.dtype("unet"), extract_ema=True, safety_checker=None,
+                feature_extractor=None,
+            )  # fmt: skip
+            pipeline.vae.float()
+            meta = [name for name in family.networks if _lacks(getattr(pipeline, name))]
+        if meta:
+            raise InputError(
+                f"{file} lacks weights of {folder / meta[0]}/config.json: the two are of different "
+                "models, or the file is a part of one; take the settings of the file's own"
+            )
+        return cls(folder, made.index, family, made.held, precision, pipeline)
+
+    def settings(self, name: str) -> dict[str, Any]:
+        """The scheduler's settings, or those of another component, `_class_name` among them."""
+        return settings_in(self.folder / name / f"{name}_config.json")
+
+    def network(self, name: str) -> Any:
+        """A network, for inference; the VAE always in float32."""
+        if self.pipeline is not None:
+            return _frozen(getattr(self.pipeline, name))
+        part, kind = self.held[name], self._kind(name)
+        is_text = name.startswith("text_encoder")
+        dtype = torch.float32 if name == "vae" else self.dtype(name)
+        options = {"dtype" if is_text else "torch_dtype": dtype, "variant": part.variant}
+        network, found = self._load(
+            kind, name, use_safetensors=True, output_loading_info=True, low_cpu_mem_usage=True,
+            ignore_mismatched_sizes=is_text, **options,
+        )  # fmt: skip
+        wrong = [f"{key} is {tuple(a)}, not {tuple(b)}" for key, a, b in found["mismatched_keys"]]
+        if wrong := [*wrong, *(f"{key} is missing" for key in sorted(found["missing_keys"]))]:
+            raise InputError(
+                f"{self.folder / name} has weights of another shape than its config.json "
+                f"({wrong[0]}): the two are of different models; download both again"
+            )
+        return _frozen(network)
+
+    def text_network(
+        self, name: str, used: Callable[[Any], Any] = lambda each: each
+    ) -> TextNetwork:
+        """A text encoder, of which `used` gives the part that is looked at."""
+        again = None if self.pipeline is not None else (lambda: used(self.network(name)))
+        return TextNetwork(used(self.network(name)), again)
+
+    def tokenizer(self, name: str, kind: Any = None) -> Any:
+        """A tokenizer or processor of transformers; one that brings its own code is refused."""
+        kind = kind or self._kind(name)
+        is_auto = kind.__name__.startswith("Auto")  # it would ask on the terminal, and run the code
+        return self._load(kind, name, **({"trust_remote_code": False} if is_auto else {}))
+
+    def dtype(self, name: str) -> torch.dtype:
+        """The dtype of a component in memory.
+
+        As stored with auto; but half precision without bfloat16's range overflows, and few
+        processors compute in it: it becomes float32 where the whole model fits into half of the
+        free memory so, bfloat16 elsewhere.
+        """
+        if self.precision != "auto":
+            return getattr(torch, self.precision)
+        stored = DTYPES.get(self.held[name].stored, torch.float32)
+        if stored != torch.float16:
+            return stored
+        size = 2 * sum(part.size for part in self.held.values())
+        return torch.float32 if size <= SHARE * free_bytes() else torch.bfloat16
+
+    def check_memory(self) -> None:
+        """Raise UsageError where weights that are converted as asked take more than is free.
+
+        Weights in their stored dtype are mapped from the disk, and take what is free.
+        """
+        needed, free = 0, free_bytes()
+        for name in self.family.networks if self.precision != "auto" else ():
+            stored, dtype = DTYPES.get(self.held[name].stored), self.dtype(name)
+            if stored and dtype != stored:
+                needed += self.held[name].size * dtype.itemsize // stored.itemsize
+        if needed > free:
+            raise UsageError(
+                f"{self.folder} takes {needed / GB:.1f} GB of memory in {self.precision}, and "
+                f"{free / GB:.1f} GB are free: add --set precision=auto, close other programs, "
+                "or take a smaller model"
+            )
+
+    def _kind(self, name: str) -> Any:
+        """The class of a component, of diffusers or transformers, as model_index.json names it."""
+        library, kind = self.index.get(name) or (None, None)
+        if library not in ("diffusers", "transformers") or not isinstance(kind, str):
+            raise InputError(f"{self.folder / INDEX}: {name} is no class of diffusers: {library}")
+        found = getattr(import_module(library), kind, None)
+        if found is None:
+            raise InputError(f"{self.folder / INDEX}: {library} has no {kind}: upgrade {library}")
+        return found
+
+    def _load(self, kind: Any, name: str, **options: Any) -> Any:
+        path = str(self.folder / name)
+        with explained(path), quiet():
+            return kind.from_pretrained(path, local_files_only=True, **options)
+
+
+def _frozen(network: Any) -> Any:
+    return network.eval().requires_grad_(False)  # score distillation needs no gradients of weights
+
+
+def _lacks(network: Any) -> bool:
+    """Whether some of its weights are in no file."""
+    return any(each.is_meta for each in network.parameters())
+
+
+@contextmanager
+def explained(what: str) -> Iterator[None]:
+    """Make an InputError of whatever these libraries raise, which is what their backends do."""
+    try:
+        yield
+    except InputError:
+        raise
+    except Exception as error:
+        reason = next(iter(str(error).strip().splitlines()), type(error).__name__)
+        reason = reason.partition(". If you want to instead")[0]  # diffusers' own next move
+        raise InputError(f"{what} cannot be loaded ({reason}): download the model again") from error
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Without the progress bars and reports of the libraries: what is wrong is raised."""
+    import diffusers
+    import transformers
+
+    logs = diffusers.utils.logging, transformers.utils.logging
+    levels = [log.get_verbosity() for log in logs]
+    for log in logs:
+        log.set_verbosity_error()
+        log.disable_progress_bar()
+    try:
+        yield
+    finally:
+        for log, level in zip(logs, levels):
+            log.set_verbosity(level)
+            log.enable_progress_bar()

@@ -1,0 +1,1 @@
+"""Long work: events, checkpoints, ranks; files written whole and read with care."""

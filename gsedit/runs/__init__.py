@@ -1,1 +1,0 @@
-"""Work that takes long: its events, journal, clock, saved state and processes (ranks)."""

@@ -1,1 +1,0 @@
-"""Files on disk: whole or not at all, checked before they are read, named safely."""

@@ -1,1 +1,0 @@
-"""Surfaces of a captured scene and the light around them: normals, surroundings, occlusion."""

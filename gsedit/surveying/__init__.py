@@ -1,1 +1,0 @@
-"""Lengths, heights, areas and volumes of what a scene shows, each with its uncertainty."""

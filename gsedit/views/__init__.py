@@ -1,0 +1,1 @@
+"""Views: cameras, posed pictures, and what cameras see of surfaces."""
