@@ -35,9 +35,9 @@ from PIL import Image
 from gsedit import load_dataset
 from gsedit.app import document
 from gsedit.editing.folder import history_of
+from gsedit.formats.files import write_scene
 from gsedit.formats.flags import read_flags, write_flags
 from gsedit.formats.ply.records import read_ply_header
-from gsedit.formats.registry import write_scene
 from gsedit.formats.streams import SceneHeader, WriteOptions, in_blocks
 from gsedit.measures.against import resolve_reference
 from gsedit.run.state import State, load_state, save_state

@@ -31,7 +31,7 @@ import zstandard
 from PIL import Image
 
 from gsedit.errors import GseditError
-from gsedit.formats.registry import open_scene
+from gsedit.formats.files import open_scene
 from gsedit.formats.validity import Guard
 
 SECONDS = 5.0

@@ -24,7 +24,7 @@ def python(code: str) -> subprocess.CompletedProcess[str]:
         "gsedit.paper.diffusion.settings",
         "gsedit.paper.settings",
         "gsedit.capture.fitting.settings",
-        "gsedit.formats.table",
+        "gsedit.formats.registry",
         "rasterizer.numerics",
         "gsedit_cli.main",
     ],

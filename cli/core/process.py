@@ -42,7 +42,7 @@ def process(
     files: FileOptions,
 ) -> tuple[list[tuple[str, RowCounts]], Path | None]:
     """Read, change and write a scene in blocks; return the counts of each step, then the total."""
-    from gsedit.formats.registry import write_scene
+    from gsedit.formats.files import write_scene
     from gsedit.formats.validity import Guard
     from gsedit.toolkit.operation import RowCounts, run
 
@@ -75,7 +75,7 @@ def process(
 
 def check_output(output: Output) -> None:
     """Raise UsageError unless the scene can be written."""
-    from gsedit.formats.registry import writable_format
+    from gsedit.formats.files import writable_format
 
     if output.out is not None:
         writable_format(output.out)
@@ -88,7 +88,7 @@ def open_source(path: Path, files: FileOptions) -> SceneSource:
     """Open a scene file, or the checkpoint of an interrupted edit or fit."""
     if path.suffix == CHECKPOINT:
         return open_checkpoint(path)
-    from gsedit.formats.registry import open_scene
+    from gsedit.formats.files import open_scene
 
     return open_scene(path, files.read())
 
@@ -136,7 +136,7 @@ def fitted(header: SceneHeader, blocks: Blocks, out: Path | None) -> tuple[Scene
     """Reduce the scene to what its format holds, and print what is lost."""
     if out is None:
         return header, blocks
-    from gsedit.formats.registry import lost, writable_format
+    from gsedit.formats.files import lost, writable_format
     from gsedit.toolkit.operation import run
     from gsedit.toolkit.reduce_sh import ReduceSH
 

@@ -210,7 +210,7 @@ def read_sentence(
     Raises UsageError for a sentence that is refused, InputError for a file to put in that is none.
     """
     from gsedit.editing.plan import read_steps
-    from gsedit.formats.registry import open_scene
+    from gsedit.formats.files import open_scene
     from gsedit.select.saved import saved_files
 
     steps = read_steps(text, () if scene is None else tuple(saved_files(scene)), drawn=drawn)

@@ -79,7 +79,7 @@ def info(scene: Scene, *, checks: InfoOptions, files: FileOptions) -> None:
     (NaN, Inf, a rotation of length 0) and 0 otherwise: floaters, needles and the like are no
     error. docs/howto/clean.md explains every criterion and its threshold.
     """
-    from gsedit.formats.registry import open_scene
+    from gsedit.formats.files import open_scene
 
     if not checks.check and (checks.quick or checks.strict):
         raise UsageError("--quick and --strict belong to --check: add it")
@@ -124,7 +124,7 @@ def check_scene(scene: Path, source: SceneSource, checks: InfoOptions) -> None:
 
 def bytes_of(path: Path) -> int:
     """Return the size of a file, or of the folder of a SOG scene that it is the index of."""
-    from gsedit.formats.table import INDEX
+    from gsedit.formats.registry import INDEX
 
     files = path.parent.rglob("*") if path.name == INDEX else [path]
     return sum(file.stat().st_size for file in files if file.is_file())

@@ -245,7 +245,7 @@ def align(*, own: AlignOptions, files: FileOptions) -> Align:
     if own.to_ground:
         return kinds.AlignToGround(own.up, own.up_now, **more)
     if own.to is not None:
-        from gsedit.formats.registry import open_scene
+        from gsedit.formats.files import open_scene
 
         other = open_scene(scene_file(own.to), files.read())
         for note in other.notes:

@@ -243,7 +243,7 @@ def merge(others: Others, *, files: FileOptions, output: Output) -> Merge:
 
     Rows keep their order. The result has the highest SH degree and all columns.
     """
-    from gsedit.formats.registry import open_scene
+    from gsedit.formats.files import open_scene
     from gsedit.toolkit.merge import Merge
 
     sources = tuple(open_scene(scene_file(each), files.read()) for each in others)

@@ -394,13 +394,13 @@ def tint(
     execution: Execution,
 ) -> Gaussians:
     """The scene with the region tinted; what the region holds is printed."""
-    from gsedit.editing.parts import drawn_region
+    from gsedit.editing.parts import editor_region
     from gsedit.paper.editors import make_editor
     from gsedit.select.finder import Finder
     from gsedit.select.region import tinted
 
     finder = Finder(scene, resolved.viewpoints, region, execution=execution)
-    found = drawn_region(finder, make_editor(editor), prompt)
+    found = editor_region(finder, make_editor(editor), prompt)
     if found is None:
         raise UsageError(
             f"what {prompt!r} is about is known only from its edited views: gsedit edit finds it, "

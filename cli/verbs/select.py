@@ -82,8 +82,8 @@ def select(
     check_file(own.out, own.force or own.dry_run, ".npy")
     chosen = need_selection(selection, "select")
 
+    from gsedit.formats.files import open_scene
     from gsedit.formats.flags import write_flags
-    from gsedit.formats.registry import open_scene
 
     source = open_scene(scene, files.read())
     flags = flags_of(source, chosen, drop_invalid=own.drop_invalid)

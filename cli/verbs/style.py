@@ -116,7 +116,7 @@ def style(
 
 def write(scene: Gaussians, file: SceneFile, out: Path, force: bool) -> None:
     """Write the scene with the extra columns, comments and elements of its file."""
-    from gsedit.formats.registry import write_scene
+    from gsedit.formats.files import write_scene
     from gsedit.formats.streams import in_blocks
     from gsedit.scene.table import table_of
 

@@ -21,8 +21,8 @@ from torch import Tensor
 
 from bench.object_cases import CASES, NOON, Case, placed
 from bench.staged import Labelled, Stage
-from gsedit.change.light.named import LightSetup, Sun
 from gsedit.change.light.relight import relit
+from gsedit.change.light.table import LightSetup, Sun
 from gsedit.change.materials.apply import in_material
 from gsedit.change.materials.named import paint_of
 from gsedit.change.objects.bending.bend import Handle, bend
@@ -33,7 +33,7 @@ from gsedit.change.objects.placing.place import place
 from gsedit.change.objects.placing.placement import Placement
 from gsedit.change.objects.removal.remove import remove
 from gsedit.errors import GseditError
-from gsedit.measures.metrics import NEAREST, psnr
+from gsedit.measures.formulas import NEAREST, psnr
 from gsedit.scene.similarity import IDENTITY, Similarity
 from gsedit.scene.table import gaussians_of, table_of
 from gsedit.views.place import place_of

@@ -12,7 +12,7 @@ from gsedit.capture.folder import PICTURES
 from gsedit.capture.frames import SUFFIXES, is_video
 from gsedit.errors import GseditError, UsageError
 from gsedit.formats.edit_records import read_edit_record
-from gsedit.formats.table import READABLE
+from gsedit.formats.registry import READABLE
 from gsedit.run.safe_names import safe_name
 
 if TYPE_CHECKING:

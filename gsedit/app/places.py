@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from gsedit.errors import UsageError
-from gsedit.formats.table import READABLE
+from gsedit.formats.registry import READABLE
 
 SHOWN = 80
 """Characters of a wrong path that are told."""

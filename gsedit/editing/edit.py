@@ -11,9 +11,9 @@ import torch
 from jaxtyping import Bool
 from torch import Tensor
 
-from gsedit.editing.measure import Changed, measured, summed
+from gsedit.editing.measure import Changed, changed_by, measured
 from gsedit.editing.painters import PAINTERS, Looking
-from gsedit.editing.parts import assumed, find_parts, in_region
+from gsedit.editing.parts import aimed_at, assumed, find_parts
 from gsedit.editing.plan import PICTURE, asks_editor_2d, is_exact, read_steps, runs_of
 from gsedit.editing.result import EditResult
 from gsedit.errors import UsageError
@@ -54,9 +54,10 @@ def edit_steps(
 ) -> Iterator[Event | Checkpoint | EditResult]:
     """Edit a scene; yields events and checkpoints while a 2D editor draws, and last the result.
 
-    The sentence is read (gsedit.words), each change goes by its own route, and the editor `small`
-    draws what no route does. `views` are photos or cameras; None: some are found. `how`: see
-    `prepare`, which raises UsageError for a sentence that is refused.
+    The sentence is read (gsedit.words). Changes with an exact route are made on the Gaussians;
+    other looks are given to a 2D editor (`small`), which refuses what it cannot draw. `views` are
+    photos or cameras; None: some are found. `how`: see `prepare`, which raises UsageError for a
+    sentence that is refused; with an `editor`, that draws the whole sentence.
     """
     job = prepare(scene, sentence, views, **how)
     watch, finder = Stopwatch(), job.finder
@@ -73,11 +74,12 @@ def change_steps(
 ) -> Generator[Event | Checkpoint, None, Changed]:
     """Change the finder's scene by steps; all that they are about is found before any change.
 
-    `job` paints what is not exact. What is not `shown` (None: all is) may keep its old reflections,
-    as for one picture. Raises UsageError as the painters and `find_parts` do.
+    `job` says how a 2D editor draws what is not exact; None: that is refused. What is not `shown`
+    (None: all is) may keep its old reflections, as for a preview of one view. Raises UsageError as
+    the painters and `find_parts` do.
     """
     watch, scene = watch or Stopwatch(), finder.scene
-    steps = in_region(steps, finder.region)
+    steps = aimed_at(steps, finder.region)
     with watch.stage("find"):
         parts = find_parts(steps, finder, job and job.method and job.method.editor, shown)
     looking, total, drawing = Looking(finder.cameras, finder.execution), same(scene), None
@@ -90,9 +92,9 @@ def change_steps(
                 raise UsageError(f"{step} has no exact route: edit with --editor small")
             else:
                 request = job.request(total.scene, step.text, parts.now(PICTURE))
-                made = drawing = yield from draw(request, job.resume)
+                made = drawing = yield from draw(request, job.state_for(step))
             parts, total = parts.after(run[0], made), total.then(made)
-    return summed(scene, steps, parts, total, drawing, assumed(steps, finder.names))
+    return changed_by(scene, steps, parts, total, drawing, assumed(steps, finder.names))
 
 
 def plan_edit(
@@ -114,7 +116,7 @@ def plan_edit(
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """An edit that was read and checked: nothing of the scene was looked at yet."""
+    """An edit that was read and checked; nothing is changed yet."""
 
     steps: tuple[Instruction, ...]
     finder: Finder
@@ -123,6 +125,15 @@ class Job:
     method: Method | None
     """How a 2D editor draws; None where none does."""
     resume: State | None = None
+
+    def state_for(self, step: Instruction) -> State | None:
+        """The state from which a drawn step goes on: a checkpoint is of one of them."""
+        drawn = [each.text for each in self.steps if not is_exact(each)]
+        if self.resume is None or len(drawn) == 1:
+            return self.resume
+        begun = self.resume.record.get("request", {}).get("instruction")
+        wanted = begun if begun in drawn else drawn[0]  # which refuses another edit's
+        return self.resume if step.text == wanted else None
 
     def request(self, scene: Gaussians, sentence: str, region: Region | None) -> Request:
         """The request to draw a sentence in a region of the scene as it is then."""

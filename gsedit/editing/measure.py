@@ -48,7 +48,7 @@ class Changed:
     """Gaussians that any of the changes could reach, new ones among them."""
     notes: tuple[str, ...] = ()
     """Remarks for a person on how it was done."""
-    before: Region | None = None
+    region_before: Region | None = None
     """Gaussians of the scene before that are changed or gone; None where rows stay the same."""
     origin: Int[Tensor, " m"] | None = None
     """Row in the scene before of each Gaussian, NEW for a new one; None where rows stay."""
@@ -56,7 +56,7 @@ class Changed:
     """The last drawing of a 2D editor, if one drew."""
 
 
-def summed(
+def changed_by(
     scene: Gaussians,
     steps: Sequence[Instruction],
     parts: Parts,
@@ -64,7 +64,7 @@ def summed(
     drawing: Drawing | None = None,
     notes: Sequence[str] = (),
 ) -> Changed:
-    """The outcome of all steps on a scene, with the regions that they were in."""
+    """All that the steps changed: the last scene, and the regions before and after."""
     changes = [each for step in steps for each in step.changes]
     told = tuple(dict.fromkeys((*notes, *total.notes)))
     if drawing is not None and all(not is_exact(step) for step in steps):
@@ -130,7 +130,7 @@ def measured(
         prompt=sentence,
         scene=changed.scene,
         region=changed.region,
-        region_before=changed.before,
+        region_before=changed.region_before,
         origin=changed.origin,
         understood=understood(steps),
         notes=notes,
@@ -174,13 +174,13 @@ def means_of(
     execution: Execution = AUTO,
 ) -> Means:
     """The difference of held-out views, and how well what is outside the region is kept."""
-    moved = changed.before is not None
+    moved = changed.region_before is not None
     viewpoints = tuple(Viewpoint(each.name, each.camera) for each in before)
     given = EvaluationInput(
         changed.scene,
         ViewList(viewpoints, ("held_out",) * len(before)),
         unedited=scene,
-        region=changed.before if moved else changed.region,
+        region=changed.region_before if moved else changed.region,
         edited_region=changed.region if moved else None,
         finals={i: each.image for i, each in enumerate(after)},
         originals={i: each.image for i, each in enumerate(before)},

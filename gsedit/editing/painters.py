@@ -1,8 +1,8 @@
 """Painters: each makes changes of one route on the Gaussians themselves, exactly.
 
 A painter has the scene as it is now, a run of changes that are done at once, the flags of the parts
-that changes name, and how the scene is looked at; it gives an `Outcome`. Changes that a 2D editor
-draws are painted by `gsedit.paper.draw`. `n` Gaussians.
+that changes name, and how the scene is looked at; it gives an `Outcome`. What a 2D editor draws
+is drawn by `gsedit.paper.draw`, which `gsedit.editing.edit` calls. `n` Gaussians.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from gsedit.change.light.named import setup_of
 from gsedit.change.light.relight import relit
+from gsedit.change.light.table import setup_of
 from gsedit.change.materials.apply import in_material
 from gsedit.change.materials.named import material_of, paint_of
-from gsedit.change.scenery.named import SCENERIES, in_scenery
+from gsedit.change.scenery.table import SCENERIES, in_scenery
 from gsedit.editing.placements import Flags, paint_objects
 from gsedit.editing.plan import key_of
 from gsedit.editing.tone import toned
@@ -108,7 +108,7 @@ def paint_light(scene: Gaussians, run: Sequence[Change], flags: Flags, looking: 
     return _recolored(lit, inside, *_light_notes(scene, looking))
 
 
-def paint_weather(
+def paint_scenery(
     scene: Gaussians, run: Sequence[Change], flags: Flags, looking: Looking
 ) -> Outcome:
     """Bring weather, seasons, water or a drawing over a part."""
@@ -124,7 +124,7 @@ PAINTERS: Mapping[str, Painter] = {
     "paint": paint_material,
     "material": paint_material,
     "light": paint_light,
-    "scenery": paint_weather,
+    "scenery": paint_scenery,
     "object": lambda scene, run, flags, looking: paint_objects(
         scene, run, flags, looking.cameras, looking.execution
     ),

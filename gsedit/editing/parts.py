@@ -15,7 +15,7 @@ from torch import Tensor
 from gsedit.editing.plan import COPY, EXACT_ROUTES, MADE, PICTURE, is_exact, key_of
 from gsedit.editing.rivals import check_alone
 from gsedit.errors import UsageError
-from gsedit.formats.registry import open_scene
+from gsedit.formats.files import open_scene
 from gsedit.paper.protocol import Editor
 from gsedit.scene.outcome import NEW, Outcome
 from gsedit.select.finder import Finder, Names
@@ -81,7 +81,7 @@ def find_parts(
         check_alone(noun, finder.segments, finder.subject)
     found = _regions(changes, finder)
     for step in steps:
-        if not is_exact(step) and (region := drawn_region(finder, editor, step.text)) is not None:
+        if not is_exact(step) and (region := editor_region(finder, editor, step.text)) is not None:
             found[PICTURE] = region
     flags = {key: region.inside for key, region in found.items()}
     flags["shown"] = torch.ones(len(scene), dtype=torch.bool) if shown is None else shown
@@ -93,7 +93,7 @@ def exact_changes(steps: Sequence[Instruction]) -> list[Change]:
     return [each for step in steps if is_exact(step) for each in step.changes]
 
 
-def in_region(steps: Sequence[Instruction], region: str) -> tuple[Instruction, ...]:
+def aimed_at(steps: Sequence[Instruction], region: str) -> tuple[Instruction, ...]:
     """Steps whose changes are of what a region holds, whatever the sentence calls it; all but it
     where they are of the background. Files that are put in, and copies, keep their names. The same
     steps where the region leaves the part to the sentence."""
@@ -188,7 +188,7 @@ def _phrases(changes: Sequence[Change]) -> list[str]:
     return [phrase for phrase in dict.fromkeys(named) if phrase not in made]
 
 
-def drawn_region(finder: Finder, editor: Editor | None, sentence: str) -> Region | None:
+def editor_region(finder: Finder, editor: Editor | None, sentence: str) -> Region | None:
     """The region that a drawn edit may change: that of the finder, or everything where `auto` finds
     that a sentence is about the whole scene; None where only the editor's pictures will tell."""
     whole = is_whole(editor, sentence) if sentence else False

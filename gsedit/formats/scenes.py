@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from gsedit.errors import InputError, UsageError
-from gsedit.formats.registry import open_scene, write_scene
+from gsedit.formats.files import open_scene, write_scene
+from gsedit.formats.registry import READABLE, WRITABLE
 from gsedit.formats.streams import (
     USUAL,
     SceneHeader,
@@ -18,7 +19,6 @@ from gsedit.formats.streams import (
     header_of,
     in_blocks,
 )
-from gsedit.formats.table import READABLE, WRITABLE
 from gsedit.formats.validity import Guard
 from gsedit.scene.table import gaussians_of, table_of
 from rasterizer.scene import Gaussians

@@ -52,7 +52,7 @@ class Reference:
     views: ViewList | None = None
     """The views of an edit."""
     cost: Mapping[str, float] = field(default_factory=dict)
-    """Cost of the edit, by the names of gsedit.measures.table.COST."""
+    """Cost of the edit, by the names of gsedit.measures.metrics.COST."""
 
     @property
     def why_no_pictures(self) -> str:

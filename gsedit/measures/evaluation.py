@@ -36,9 +36,9 @@ from gsedit.measures.evaluation_input import (
     Mean,
     ViewMeasures,
 )
+from gsedit.measures.formulas import SquaredError, perceptual, pooled_rmse, squared_error
 from gsedit.measures.interval import interval, mean_interval
-from gsedit.measures.metrics import SquaredError, perceptual, pooled_rmse, squared_error
-from gsedit.measures.table import (
+from gsedit.measures.metrics import (
     METRICS,
     NO_UNEDITED,
     PAIRS,

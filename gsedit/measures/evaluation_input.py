@@ -83,7 +83,7 @@ class Mean:
 
 
 Means = Mapping[str, Mapping[Group, Mean]]
-"""By the name of the metric (gsedit.measures.table) and the role of the views."""
+"""By the name of the metric (gsedit.measures.metrics) and the role of the views."""
 
 
 @dataclass(frozen=True)

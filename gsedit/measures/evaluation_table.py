@@ -9,7 +9,7 @@ from typing import Any
 from gsedit.measures.against import Reference
 from gsedit.measures.agreement import PointComparison, WarpComparison
 from gsedit.measures.evaluation_input import MEASURED_ROLES, Evaluation, Mean
-from gsedit.measures.table import COST, METRICS, label_of
+from gsedit.measures.metrics import COST, METRICS, label_of
 from gsedit.run.environment import environment
 
 COLUMNS = 80

@@ -1,121 +1,255 @@
-"""How good an edit is, in numbers: error, structure, strength.
-
-Pictures of `h w` pixels in [0, 1]; an error is the RMSE of their
-colors, mean over pixels *and* channels."""
+"""The metrics of a scene, a row each: its record, its table and its missing reasons follow."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from math import sqrt
-from typing import NamedTuple
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Literal, NamedTuple, TypeAlias
 
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from gsedit.errors import UsageError
-from gsedit.measures import losses
+from gsedit.measures import perceptual as learned
 from gsedit.measures.decibels import psnr_from_rmse
-from gsedit.measures.perceptual import SMALLEST, perceptual_distance
+from gsedit.measures.evaluation_input import MEASURED_ROLES, EvaluationInput, Group
+from gsedit.measures.formulas import INSIDE, NEAREST, nearness, perceptual, rmse, ssim
+from gsedit.scene.picture import render_picture
+from gsedit.select.region import coverage
+from gsedit.views.view_list_files import Role
 
-NEAREST = 100.0
-"""dB that equal pictures get, an RMSE of 1e-5, since numbers in JSON are finite."""
-
-
-INSIDE = 0.5
-"""Least share of a pixel that comes from the region's Gaussians: the others are outside it, where
-leakage is measured."""
-
-
-class SquaredError(NamedTuple):
-    """Squared error of colors, to be pooled over pictures of any sizes."""
-
-    total: float
-    values: int
-    """Numbers that were compared: pixels times channels."""
+Better = Literal["higher", "lower", "neither"]
+Picture: TypeAlias = Float[Tensor, "h w 3"]
+Expected: TypeAlias = tuple[Picture, Bool[Tensor, "h w"] | None]
+"""A picture, and the pixels at which it is expected; None: all."""
 
 
-def squared_error(
-    image: Float[Tensor, "*n h w 3"],
-    target: Float[Tensor, "*n h w 3"],
-    mask: Bool[Tensor, "*n h w"] | None = None,
-) -> SquaredError:
-    """The sum of squared differences inside the mask, and how many there are."""
-    difference = (image - target).double()
-    if mask is not None:
-        difference = difference[mask]
-    # by NumPy: torch's sum depends on the number of threads
-    total = difference.square().detach().numpy().sum()
-    return SquaredError(float(total), difference.numel())
+@dataclass(frozen=True, eq=False)
+class MeasuredView:
+    """The measured scene at one view, and the unedited one; each is rendered once."""
+
+    subject: EvaluationInput
+    index: int
+
+    @cached_property
+    def final(self) -> Picture:
+        """The picture of the measured scene, rendered unless it is there."""
+        known, camera = self.subject.finals, self.subject.views.viewpoints[self.index].camera
+        if self.index in known:
+            return known[self.index]
+        return render_picture(self.subject.scene, camera, self.subject.execution)
+
+    @cached_property
+    def unedited(self) -> Picture:
+        """The picture of the unedited scene, rendered unless it is there."""
+        subject, i = self.subject, self.index
+        if i in subject.originals:
+            return subject.originals[i]
+        if i in subject.renderings:
+            return subject.renderings[i].color.clamp(0, 1)
+        assert subject.unedited is not None  # `Standard.views` has no view without it
+        return render_picture(
+            subject.unedited, subject.views.viewpoints[i].camera, subject.execution
+        )
 
 
-def pooled_rmse(errors: Iterable[SquaredError]) -> float | None:
-    """Root mean squared error over all compared values; None where there are none."""
-    total, values = (sum(each) for each in zip((0.0, 0), *errors))
-    return sqrt(total / values) if values else None
+@dataclass(frozen=True, eq=False)
+class Standard:
+    """Something that a scene is measured by: pictures of it, or pixels that should stay."""
+
+    views: Callable[[EvaluationInput], Collection[int]]
+    """Returns the views, by index, that have it."""
+    at: Callable[[MeasuredView], Expected]
+    """Returns it at one of these views; a mask without any pixel where that view has none."""
+    against: Callable[[EvaluationInput, Group], str]
+    """Returns how the record names it, by the role of the views."""
+    why_none: Callable[[EvaluationInput], str]
+    """Returns why no view has it, and what to do; "" for what is no loss."""
+    roles: tuple[Group, ...] = MEASURED_ROLES
+    """Roles of the views that should have it; all: views of any role."""
+    why_empty: Callable[[EvaluationInput], str] = field(default=lambda subject: NO_PICTURE)
+    """Returns why views that have it have no value."""
+    pooled: bool = False
+    """Whether pixels are pooled over views; a row's function is then of their RMSE."""
 
 
-def rmse(
-    image: Float[Tensor, "*n h w 3"],
-    target: Float[Tensor, "*n h w 3"],
-    mask: Bool[Tensor, "*n h w"] | None = None,
-) -> float:
-    """Root mean squared error inside the mask; UsageError if it is empty."""
-    error = pooled_rmse([squared_error(image, target, mask)])
-    if error is None:
-        raise UsageError("The mask selects no pixel, so there is nothing to measure; enlarge it.")
-    return error
+NO_PICTURE = (
+    "the edited and held-out views have no picture to compare with: name the views that have"
+)
+NO_UNEDITED = "the unedited scene is not known: add --against SCENE, or the folder of an edit"
+NO_EDITS_ALONE = (
+    "no held-out view was edited alone: only an edit by a 2D editor that is a diffusion model has "
+    "such pictures, in held_out_alone/ of its folder"
+)
+NO_MASKS = "no masks were given: add --subject-masks FOLDER, a mask for each of some views"
 
 
-def psnr(
-    image: Float[Tensor, "*n h w 3"],
-    target: Float[Tensor, "*n h w 3"],
-    mask: Bool[Tensor, "*n h w"] | None = None,
-) -> float:
-    """Peak signal-to-noise ratio, dB, of the mean error of all pictures; inf when equal."""
-    return psnr_from_rmse(rmse(image, target, mask))
+def _unedited_views(subject: EvaluationInput) -> range:
+    return range(0 if subject.unedited is None else len(subject.views))
 
 
-def nearness(
-    image: Float[Tensor, "h w 3"],
-    expected: Float[Tensor, "h w 3"],
-    mask: Bool[Tensor, "h w"] | None = None,
-) -> float:
-    """PSNR, dB, inside the mask; NEAREST for equal pictures. UsageError for an empty mask."""
-    return min(psnr(image, expected, mask), NEAREST)
+def _outside_region(view: MeasuredView) -> Expected:
+    """The unedited picture, and the pixels of which less than INSIDE comes from the region.
 
-
-@torch.no_grad()
-def ssim(
-    image: Float[Tensor, "*n h w 3"],
-    target: Float[Tensor, "*n h w 3"],
-    mask: Bool[Tensor, "*n h w"] | None = None,
-) -> float:
-    """Structural similarity, in [-1, 1], 1 when equal; sides of 6 pixels or more.
-
-    Where the mask is False nothing is expected, and windows take the picture for both.
+    Where objects went, both places belong to the edit: the one before and the one after.
     """
-    return losses.ssim(image, _inside(mask, target, image)).item()
+    subject, camera = view.subject, view.subject.views.viewpoints[view.index].camera
+    parts = [(subject.region, subject.unedited)]
+    if subject.edited_region is not None:
+        parts.append((subject.edited_region, subject.scene))
+    shares = [
+        coverage(region, scene, camera, subject.execution)
+        for region, scene in parts
+        if region is not None and scene is not None
+    ]
+    return view.unedited, torch.stack([share < INSIDE for share in shares]).all(0)
 
 
-@torch.no_grad()
-def perceptual(
-    image: Float[Tensor, "*n h w 3"],
-    target: Float[Tensor, "*n h w 3"],
-    mask: Bool[Tensor, "*n h w"] | None = None,
-) -> float | None:
-    """Learned perceptual distance: 0 for equal pictures, about 1 for unrelated ones; where the mask
-    is False the picture is taken for both.
-
-    None without the package of its weights (`gsedit[perceptual]`), and for pictures of fewer than
-    32 pixels a side.
-    """
-    distance = perceptual_distance()
-    if distance is None or min(image.shape[-3:-1]) < SMALLEST:
-        return None
-    return distance(image, _inside(mask, target, image)).item()
+def _region_views(subject: EvaluationInput) -> range:
+    known = subject.region is not None and not subject.region.is_all
+    return _unedited_views(subject) if known else range(0)
 
 
-def _inside(mask: Tensor | None, target: Tensor, image: Tensor) -> Tensor:
-    """The target, with the picture itself where nothing is expected."""
-    return target if mask is None else torch.where(mask[..., None], target, image)
+def _no_region(subject: EvaluationInput) -> str:
+    if subject.unedited is None:
+        return NO_UNEDITED
+    if subject.region is None:
+        return "no region is known: add --region, such as the region.npy of the edit"
+    return "the region is everything, so nothing is outside: name a smaller --region if it is"
+
+
+TARGETS = Standard(
+    lambda subject: subject.targets,
+    lambda view: (view.subject.targets[view.index], view.subject.masks.get(view.index)),
+    lambda subject, role: subject.targets_are[role != "edited"],
+    lambda subject: subject.no_targets,
+)
+EDITS_ALONE = Standard(
+    lambda subject: subject.edits_alone,
+    lambda view: (view.subject.edits_alone[view.index], None),
+    lambda subject, role: "edits made alone, without the targets",
+    lambda subject: NO_EDITS_ALONE,
+    ("held_out",),
+)
+UNEDITED = Standard(
+    _unedited_views,
+    lambda view: (view.unedited, None),
+    lambda subject, role: "renders of the unedited scene",
+    lambda subject: NO_UNEDITED,
+)
+OUTSIDE_REGION = Standard(
+    _region_views,
+    _outside_region,
+    lambda subject, role: subject.region_is,
+    _no_region,
+    why_empty=lambda _: "no pixel of these views is outside the region: add views that show more",
+    pooled=True,
+)
+OUTSIDE_MASKS = Standard(
+    lambda subject: () if subject.unedited is None else subject.subject_masks,
+    lambda view: (view.unedited, view.subject.subject_masks[view.index] < INSIDE),
+    lambda subject, role: "masks that were given",
+    lambda subject: NO_UNEDITED if subject.subject_masks else NO_MASKS,
+    ("all",),
+    lambda subject: "the given masks leave no pixel outside: give masks of the subject alone",
+    pooled=True,
+)
+GROUND_TRUTH = Standard(
+    lambda subject: subject.ground_truth,
+    lambda view: (view.subject.ground_truth[view.index], None),
+    lambda subject, role: "the true edit, which is known",
+    lambda subject: "",
+    ("held_out",),
+)
+
+
+def _decibels(error: float) -> float:
+    return min(psnr_from_rmse(error), NEAREST)
+
+
+class Metric(NamedTuple):
+    """One metric: its name in records, its label in tables, and how it is measured."""
+
+    name: str
+    label: str
+    """`{targets}` stands for the kind of targets: pictures, photos."""
+    better: Better
+    decimals: int
+    function: Callable[..., float | None]
+    """Takes (picture, expected picture, mask); of a pooled standard the RMSE over its pixels."""
+    needs: Standard
+
+
+_ROWS = (
+    Metric("psnr_to_targets", "PSNR to the {targets}, dB", "higher", 2, nearness, TARGETS),
+    Metric("ssim_to_targets", "SSIM to the {targets}", "higher", 4, ssim, TARGETS),
+    Metric("perceptual_to_targets", "perceptual distance to the {targets}", "lower", 4,
+           perceptual, TARGETS),
+    Metric("psnr_to_edits_alone", "PSNR to edits made alone, dB", "higher", 2, nearness,
+           EDITS_ALONE),
+    Metric("ssim_to_edits_alone", "SSIM to edits made alone", "higher", 4, ssim, EDITS_ALONE),
+    Metric("perceptual_to_edits_alone", "perceptual distance to edits made alone", "lower", 4,
+           perceptual, EDITS_ALONE),
+    Metric("psnr_to_unedited", "PSNR to the unedited scene, dB", "neither", 2, nearness, UNEDITED),
+    Metric("ssim_to_unedited", "SSIM to the unedited scene", "neither", 4, ssim, UNEDITED),
+    Metric("perceptual_to_unedited", "perceptual distance to the unedited", "neither", 4,
+           perceptual, UNEDITED),
+    Metric("rmse_to_unedited", "RMSE to the unedited scene", "neither", 4, rmse, UNEDITED),
+    Metric("rmse_outside_region", "RMSE outside the region", "lower", 4, float, OUTSIDE_REGION),
+    Metric("psnr_outside_region", "PSNR outside the region, dB", "higher", 2, _decibels,
+           OUTSIDE_REGION),
+    Metric("rmse_outside_masks", "RMSE outside the given masks", "lower", 4, float, OUTSIDE_MASKS),
+    Metric("psnr_outside_masks", "PSNR outside the given masks, dB", "higher", 2, _decibels,
+           OUTSIDE_MASKS),
+    Metric("psnr_to_ground_truth", "PSNR to the true edit, dB", "higher", 2, nearness,
+           GROUND_TRUTH),
+    Metric("ssim_to_ground_truth", "SSIM to the true edit", "higher", 4, ssim, GROUND_TRUTH),
+    Metric("perceptual_to_ground_truth", "perceptual distance to the true edit", "lower", 4,
+           perceptual, GROUND_TRUTH),
+)  # fmt: skip
+METRICS = {row.name: row for row in _ROWS}
+"""Metrics by name, in the order in which they are shown."""
+PAIRS = {
+    "warp_targets_short": "warp error of {targets}, short range",
+    "warp_targets_long": "warp error of {targets}, long range",
+    "warp_renders_short": "warp error of renders, short range",
+    "warp_renders_long": "warp error of renders, long range",
+    "points_targets": "difference at SIFT matches of {targets}",
+    "points_renders": "difference at SIFT matches of renders",
+}
+"""Labels of the errors between views (gsedit.measures.agreement), by name."""
+COST = {
+    "seconds": "wall clock of the edit, s",
+    "evaluations": "network evaluations of the edit",
+}
+"""Labels of what an edit took, by name: wall clock, and evaluations of the editor's network."""
+
+
+def label_of(name: str, targets: str) -> str:
+    """Label of a metric of any kind, or of "NAME at ROLE views"."""
+    key, _, role = name.partition(" at ")
+    label = METRICS[key].label if key in METRICS else {**PAIRS, **COST}[key]
+    return label.format(targets=targets) + (f" at {role.replace('_', '-')}" if role else "")
+
+
+def why_missing(row: Metric, subject: EvaluationInput) -> str:
+    """Why no view has a value of a metric; "" for one that is no loss."""
+    if not (why_none := row.needs.why_none(subject)):
+        return ""
+    if not any(role in MEASURED_ROLES for role in subject.views.roles):
+        return "no view of the list is edited or held out: give some of them such a role"
+    if not row.needs.views(subject):
+        return why_none
+    if row.function is perceptual:
+        if not learned.is_installed():
+            return f"its weights are not installed: {learned.INSTALL}"
+        return f"views have fewer than {learned.SMALLEST} pixels a side: measure at a larger --size"
+    return row.needs.why_empty(subject)
+
+
+def why_missing_at(role: Role, subject: EvaluationInput) -> str:
+    """Why the views of a role have no value, where those of another have one."""
+    if not subject.views.having(role):
+        return f"no view of the list is {role.replace('_', ' ')}: give some that role"
+    return "none of them has a picture to compare with: add pictures named after them"

@@ -18,7 +18,7 @@ from gsedit.views.dataset import View
 class EditMetrics:
     """The evaluation of an edited scene, and how well its views matched.
 
-    A metric has its name of gsedit.measures.table; `evaluation.value(NAME, ROLE)` reads any of
+    A metric has its name of gsedit.measures.metrics; `evaluation.value(NAME, ROLE)` reads any of
     them. The properties are those to read first, None where they were not measured.
     """
 

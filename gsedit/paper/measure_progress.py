@@ -8,7 +8,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from gsedit.measures.decibels import rmse_from_psnr
-from gsedit.measures.metrics import psnr
+from gsedit.measures.formulas import psnr
 from gsedit.paper.session import Session, preview
 from gsedit.run.events import Event
 from gsedit.views.dataset import evenly_spaced

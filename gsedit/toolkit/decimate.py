@@ -117,7 +117,7 @@ def picture_change(
     Of up to VIEWS of `cameras`, evenly chosen; of an orbit around `before` if None.
     """
     from gsedit.measures.decibels import psnr_from_rmse
-    from gsedit.measures.metrics import pooled_rmse, squared_error
+    from gsedit.measures.formulas import pooled_rmse, squared_error
     from gsedit.scene.picture import render_picture
     from gsedit.views.orbit import orbit
 

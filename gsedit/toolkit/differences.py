@@ -19,7 +19,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from gsedit.errors import UsageError
-from gsedit.measures import metrics
+from gsedit.measures import formulas as metrics
 from gsedit.measures.decibels import psnr_from_rmse
 from gsedit.scene.picture import render_picture
 from gsedit.views.around import find_views, view_names

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 
-from gsedit.formats.table import READABLE
+from gsedit.formats.registry import READABLE
 from gsedit.words.chosen import parted
 from gsedit.words.deeds import change_of, side_of
 from gsedit.words.instruction import Change

@@ -6,8 +6,8 @@ from gsedit.words.instruction import Change
 from gsedit.words.lexicon import names
 
 LIGHTS, SCENERIES = names("light"), names("scenery")
-"""Names of the lights in gsedit.change.light.named, and of weather, seasons and drawings in
-gsedit.change.scenery.named."""
+"""Names of the lights in gsedit.change.light.table, and of weather, seasons and drawings in
+gsedit.change.scenery.table."""
 UNCLEAR = names("unclear")
 """Looks that only `small` draws, which are refused unless it is asked for by name."""
 

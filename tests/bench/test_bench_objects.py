@@ -8,7 +8,7 @@ from bench.object_cases import CASES, Case
 from bench.objects import METHODS, given_of, scores
 from bench.staged import stage
 
-from gsedit.measures.metrics import NEAREST
+from gsedit.measures.formulas import NEAREST
 
 REMOVAL = next(case for case in CASES if case.name == "removal-glimpse")
 

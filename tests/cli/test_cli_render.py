@@ -15,7 +15,7 @@ from PIL import Image
 from videos import read_frames
 
 from gsedit import orbit
-from gsedit.formats.registry import write_scene
+from gsedit.formats.files import write_scene
 from gsedit.formats.scenes import load
 from gsedit.formats.streams import SceneHeader, in_blocks
 from gsedit.pictures import animations

@@ -16,7 +16,7 @@ from PIL import Image
 from playroom import playroom
 
 from gsedit import load, load_dataset
-from gsedit.formats.registry import write_scene
+from gsedit.formats.files import write_scene
 from gsedit.formats.streams import SceneHeader, in_blocks
 from gsedit.views.cameras_json import read_cameras
 

@@ -182,7 +182,7 @@ def test_every_error_is_one_line_and_its_code(monkeypatch, scene, error, code, w
     def fail(*_, **__):
         raise error
 
-    monkeypatch.setattr("gsedit.formats.registry.open_scene", fail)
+    monkeypatch.setattr("gsedit.formats.files.open_scene", fail)
     result = gsedit("info", scene)
     assert result.exit_code == code
     assert one_line(result.stderr)

@@ -167,7 +167,7 @@ REFUSED = """
 2 | EDIT -o out --region hat5 | hat
 3 | EDIT -o out --region hat | another order
 3 | edit scene.ply 'remove the hat' --data photos -o out | another order
-3 | EDIT -o out --editor small --features gone.pth | gone.pth
+2 | EDIT -o out --editor small --features gone.pth | filters or vgg
 2 | edit scene.ply 'make it impressionist' --condition photo -o out | --data
 3 | edit scene.ply 'insert there/is/none.ply' --data photos -o out | none.ply
 3 | edit none.ply 'put nowhere.ply on the ground' -o out | nowhere.ply

@@ -12,7 +12,7 @@ from command_line import answer, gsedit
 from PIL import Image
 
 from gsedit import load, load_dataset
-from gsedit.formats.registry import open_scene, write_scene
+from gsedit.formats.files import open_scene, write_scene
 from gsedit.formats.streams import SceneHeader, in_blocks
 from gsedit.scene.similarity import Similarity
 from gsedit.scene.table import table_of

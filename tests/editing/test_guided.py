@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from closeness import EPS32, assert_near
 
-from gsedit.measures.metrics import psnr
+from gsedit.measures.formulas import psnr
 from gsedit.paper.guided import carry_change
 from gsedit.views.image_ops import downscale
 

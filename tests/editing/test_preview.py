@@ -8,7 +8,7 @@ from labelled import statue
 
 from gsedit.editing.edit import change_steps
 from gsedit.editing.preview import preview_exact
-from gsedit.measures.metrics import psnr
+from gsedit.measures.formulas import psnr
 from gsedit.paper.settings import EditSettings
 from gsedit.run.events import returned
 from gsedit.scene.picture import render_picture

@@ -14,10 +14,10 @@ from ksplat_files import near_grey
 from scipy.spatial import cKDTree
 
 from gsedit import orbit
-from gsedit.formats.registry import WRITABLE, open_scene, write_scene
+from gsedit.formats.files import WRITABLE, open_scene, write_scene
+from gsedit.formats.registry import USD
 from gsedit.formats.streams import ReadOptions, SceneHeader, WriteOptions, in_blocks
-from gsedit.formats.table import USD
-from gsedit.measures.metrics import psnr
+from gsedit.measures.formulas import psnr
 from gsedit.scene.quaternions import rotations
 from gsedit.scene.table import SplatTable, gaussians_of
 from rasterizer import render
@@ -181,7 +181,7 @@ def test_packed_formats_need_neither_torch_nor_gsply(tmp_path):
         write_scene(path, SceneHeader(1), in_blocks(table))
     program = f"""
 import sys
-from gsedit.formats.registry import open_scene, write_scene
+from gsedit.formats.files import open_scene, write_scene
 from gsedit.formats.streams import in_blocks
 for path in {[str(path) for path in paths]}:
     source = open_scene(path)

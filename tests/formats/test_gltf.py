@@ -14,8 +14,8 @@ from splat_tables import assert_near, random_table
 
 from gsedit.errors import InputError
 from gsedit.formats.axes import LUF, to_axes
+from gsedit.formats.files import open_scene, write_scene
 from gsedit.formats.gltf.file import EXTENSION
-from gsedit.formats.registry import open_scene, write_scene
 from gsedit.formats.streams import SceneHeader, in_blocks
 from gsedit.scene.quaternions import axis_rotation
 from gsedit.scene.similarity import Similarity

@@ -6,7 +6,7 @@ import pytest
 from ksplat_files import ksplat, near_grey
 from splat_tables import assert_near
 
-from gsedit.formats.registry import open_scene
+from gsedit.formats.files import open_scene
 from rasterizer.numerics import SH_DC
 
 

@@ -13,8 +13,8 @@ from PIL import Image
 from splat_tables import random_table
 
 from gsedit.errors import InputError
+from gsedit.formats.files import open_scene
 from gsedit.formats.pictures import picture_size
-from gsedit.formats.registry import open_scene
 from gsedit.formats.validity import invalid_rows
 
 
@@ -55,7 +55,7 @@ def test_a_small_file_of_a_large_picture_takes_no_memory(tmp_path):
         "import resource, sys\n"
         "from pathlib import Path\n"
         "from gsedit.errors import InputError\n"
-        "from gsedit.formats.registry import open_scene\n"
+        "from gsedit.formats.files import open_scene\n"
         "from gsedit.formats.pictures import read_mask, read_photo\n"
         "folder = Path(sys.argv[1])\n"
         "import trimesh\n"

@@ -7,7 +7,7 @@ import pytest
 import trimesh
 from PIL import Image
 
-from gsedit.formats.registry import open_scene
+from gsedit.formats.files import open_scene
 from gsedit.formats.scenes import load
 from gsedit.formats.streams import ReadOptions
 from gsedit.scene.table import SplatTable

@@ -11,9 +11,9 @@ import torch
 from bad_files import PLY_COLUMNS, ply_bytes, scene_table
 
 from gsedit.errors import InputError, UsageError
+from gsedit.formats.files import open_scene
 from gsedit.formats.ply.inria import columns
 from gsedit.formats.ply.records import element_blocks, read_ply_header
-from gsedit.formats.registry import open_scene
 from gsedit.formats.scenes import load, read_scene, save
 from gsedit.run.atomic import atomic_path
 from rasterizer import Gaussians

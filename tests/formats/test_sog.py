@@ -15,7 +15,7 @@ from PIL import Image
 from splat_tables import assert_near, random_table
 
 from gsedit.errors import InputError
-from gsedit.formats.registry import open_scene, write_scene
+from gsedit.formats.files import open_scene, write_scene
 from gsedit.formats.sog.encode import lossless_webp
 from gsedit.formats.streams import SceneHeader, in_blocks
 from gsedit.scene.morton import morton_order

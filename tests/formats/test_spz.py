@@ -15,7 +15,7 @@ from splat_tables import assert_near, random_table
 
 from gsedit.errors import InputError, UsageError
 from gsedit.formats.axes import axes_matrix, from_axes, sh_signs, to_axes
-from gsedit.formats.registry import open_scene, write_scene
+from gsedit.formats.files import open_scene, write_scene
 from gsedit.formats.streams import ReadOptions, SceneHeader, WriteOptions, in_blocks
 from gsedit.scene.quaternions import rotation_of
 from gsedit.scene.similarity import Similarity

@@ -13,9 +13,9 @@ from splat_tables import random_table
 
 from gsedit.errors import InputError
 from gsedit.formats.axes import RUB, from_axes
-from gsedit.formats.registry import open_scene, write_scene
+from gsedit.formats.files import open_scene, write_scene
+from gsedit.formats.registry import USD
 from gsedit.formats.streams import SceneHeader, in_blocks
-from gsedit.formats.table import USD
 from gsedit.scene.table import SplatTable
 from gsedit.toolkit.align import AlignLength
 from gsedit.toolkit.transform import Transform, scale

@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from gsedit.errors import UsageError
-from gsedit.measures.metrics import psnr, rmse, ssim
+from gsedit.measures.formulas import psnr, rmse, ssim
 
 
 def picture(*shape, seed=0):

@@ -14,7 +14,8 @@ import torch
 
 from gsedit.bench.synthetic import demo_scene, ring_cameras
 from gsedit.errors import InputError, UsageError
-from gsedit.measures import metrics, perceptual
+from gsedit.measures import formulas as metrics
+from gsedit.measures import perceptual
 from gsedit.measures.perceptual import (
     ALEXNET,
     PerceptualDistance,

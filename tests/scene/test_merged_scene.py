@@ -9,7 +9,7 @@ import torch
 from divide import divide
 
 from gsedit.bench.synthetic import demo_scene, ring_cameras, surface_gaussians
-from gsedit.measures.metrics import psnr
+from gsedit.measures.formulas import psnr
 from gsedit.scene.merging.groups import coarsen
 from rasterizer import render
 from rasterizer.numerics import SH_DC

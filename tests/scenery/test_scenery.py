@@ -11,8 +11,8 @@ from changes import painted
 from plain_scenes import cloud, discs, ring
 
 from gsedit.change.light.present import survey
-from gsedit.change.scenery.named import SCENERIES, autumn, in_scenery, snow
 from gsedit.change.scenery.setting import Setting
+from gsedit.change.scenery.table import SCENERIES, autumn, in_scenery, snow
 from gsedit.errors import UsageError
 from gsedit.words.instruction import Change
 from rasterizer.harmonics import colors

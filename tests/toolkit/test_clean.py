@@ -9,7 +9,7 @@ import pytest
 import torch
 from defective import invalid, plane, splat, unwanted
 
-from gsedit.formats.registry import open_scene, write_scene
+from gsedit.formats.files import open_scene, write_scene
 from gsedit.formats.streams import SceneHeader, in_blocks
 from gsedit.formats.validity import invalid_rows
 from gsedit.scene.table import SPLAT_FIELDS, SplatTable, concatenate_tables

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from gsedit.formats.table import READABLE
+from gsedit.formats.registry import READABLE
 from gsedit.words.instruction import Change, Place
 from gsedit.words.phrases import is_noun, object_phrase
 from gsedit.words.read import read_instruction

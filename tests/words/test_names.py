@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from gsedit.change.light.named import LIGHTS
+from gsedit.change.light.table import LIGHTS
 from gsedit.change.materials.table import MATERIALS
 from gsedit.change.objects.growth.table import GROWTHS
-from gsedit.change.scenery.named import SCENERIES
+from gsedit.change.scenery.table import SCENERIES
 from gsedit.words import lexicon
 from gsedit.words.read import read_instruction
 

@@ -22,7 +22,7 @@ from gsedit.bench.results import (
 from gsedit.capture.fitting.fit import FitResult, fit_steps
 from gsedit.capture.fitting.settings import QUALITIES, FitSettings
 from gsedit.errors import UsageError
-from gsedit.measures.metrics import nearness, perceptual, ssim
+from gsedit.measures.formulas import nearness, perceptual, ssim
 from gsedit.run.events import Checkpoint, Event
 from gsedit.scene.picture import render_picture
 from gsedit.views.dataset import Dataset, View

@@ -10,7 +10,7 @@ from PIL import Image
 
 from gsedit.app.opening import open_path
 from gsedit.formats.pictures import save_picture
-from gsedit.formats.table import WRITABLE
+from gsedit.formats.registry import WRITABLE
 
 if TYPE_CHECKING:
     from gsedit.app.page import Page

@@ -28,7 +28,7 @@ from gsedit.capture.fitting.photometric import SMALLEST, photometric, supervised
 from gsedit.capture.fitting.settings import FitSettings
 from gsedit.errors import UsageError
 from gsedit.measures.decibels import rmse_from_psnr
-from gsedit.measures.metrics import psnr
+from gsedit.measures.formulas import psnr
 from gsedit.pictures import notebook
 from gsedit.run.events import Checkpoint, Event
 from gsedit.run.json_lines import plain
@@ -370,7 +370,7 @@ def check_sizes(views: Sequence[View], settings: FitSettings) -> None:
     if settings.dssim_weight and min(width, height) < SMALLEST:
         raise UsageError(
             f"{small.name} has {width}x{height} pixels, and SSIM needs {SMALLEST} a side: fit to "
-            "larger photos, or give --dssim-weight 0"
+            "larger photos, or give --set dssim_weight=0"
         )
 
 

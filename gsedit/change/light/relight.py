@@ -16,8 +16,8 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from gsedit.change.light.named import Fog, Lamp, LightSetup, Sun
 from gsedit.change.light.present import Surface, Survey, survey
+from gsedit.change.light.table import Fog, Lamp, LightSetup, Sun
 from gsedit.scene.color_space import LUMINANCE
 from gsedit.scene.quantiles import weighted_quantile
 from gsedit.toolkit.grade import GAMMA

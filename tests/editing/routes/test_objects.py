@@ -71,8 +71,8 @@ def test_later_changes_find_their_rows_after_a_removal():
     changed = repainted(scene[:900], rows)
     assert changed[SUBJECT].all()
     assert not changed[200:].any()
-    assert routed.before is not None
-    assert (routed.before.inside == (flags(RED) | flags(SUBJECT))).all()
+    assert routed.region_before is not None
+    assert (routed.region_before.inside == (flags(RED) | flags(SUBJECT))).all()
     assert (routed.region.inside == (flags(SUBJECT, 901) | flags(slice(900, 901), 901))).all()
     assert "filled" in routed.notes
 

@@ -11,7 +11,7 @@ import torch
 from divide import divide
 
 from gsedit import edit
-from gsedit.measures.metrics import psnr
+from gsedit.measures.formulas import psnr
 from gsedit.paper import request
 from gsedit.paper.strategies.single_pass import SinglePass
 from gsedit.scene.merging.groups import coarsen

@@ -15,7 +15,7 @@ from regions_iou import iou
 import gsedit
 from gsedit import Dataset, EditSettings, edit
 from gsedit.capture.fitting.settings import UpdateSettings
-from gsedit.editing.parts import drawn_region
+from gsedit.editing.parts import editor_region
 from gsedit.errors import UsageError
 from gsedit.paper.diffusion.settings import SamplerSettings
 from gsedit.paper.editors import Capabilities, EditProgress, make_editor
@@ -149,7 +149,7 @@ def test_an_instruction_that_nobody_reads_shows_the_region_by_its_edits(labelled
     weight = lift(labelled.gaussians, [v.camera for v in data.views], ones).weight
     assert iou(result.region.inside, labelled.subject, weight) > 0.85
     assert not moved(result, labelled)[~result.region.inside].any()
-    assert drawn_region(finder(labelled, data), editor, UNREAD) is None
+    assert editor_region(finder(labelled, data), editor, UNREAD) is None
 
 
 def test_empty_and_unknown_regions_are_refused(labelled, data):

@@ -9,7 +9,7 @@ from tiny_edits import painted, steps
 from gsedit import Dataset, EditSettings, Event
 from gsedit.bench.synthetic import demo_scene, ring_cameras
 from gsedit.capture.fitting.settings import UpdateSettings
-from gsedit.measures.metrics import psnr
+from gsedit.measures.formulas import psnr
 from gsedit.paper.editors import Capabilities, EditProgress
 from gsedit.paper.strategies.single_pass import SinglePass
 from gsedit.views.dataset import capture

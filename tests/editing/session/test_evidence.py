@@ -11,7 +11,7 @@ from tiny_edits import painted, seen, steps
 import gsedit
 from gsedit.capture.fitting.settings import UpdateSettings
 from gsedit.errors import UsageError
-from gsedit.measures.metrics import psnr
+from gsedit.measures.formulas import psnr
 from gsedit.paper.diffusion.settings import SamplerSettings
 from gsedit.paper.editors import Capabilities, EditProgress
 from gsedit.paper.strategies.single_pass import SinglePass

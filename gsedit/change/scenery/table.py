@@ -15,9 +15,9 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from gsedit.change.light.named import LIGHTS, Fog, LightSetup, Sun
 from gsedit.change.light.present import survey
 from gsedit.change.light.relight import ColorChange, only_inside, relit_by, step
+from gsedit.change.light.table import LIGHTS, Fog, LightSetup, Sun
 from gsedit.change.scenery.setting import CLUMP, LEAF, Setting
 from gsedit.errors import UsageError
 from gsedit.scene.quaternions import even_directions
