@@ -12,14 +12,16 @@ ROOT = Path(__file__).parents[1]
 LONGEST_FUNCTION = 40
 """Lines, the docstring not counted."""
 MOST = {
-    "product": (("gsedit", "cli", "rasterizer"), 80_079, 619),
-    "tests": (("tests",), 44_044, 357),
-    "examples": (("examples",), 8_271, 75),
+    "product": (("gsedit", "cli", "rasterizer"), 71_564, 438),
+    "tests": (("tests",), 32_788, 303),
+    "examples": (("examples",), 6_082, 56),
 }
 """Lines and files of Python of the whole house: whoever wants a line finds one to give. These
 numbers only ever fall."""
 LONGER_FUNCTIONS = 6
 LOOSE_FILES = 6
+FOLDERS = 16
+"""Folders of the package itself; theirs are not counted."""
 PACKAGES = {"cli": "gsedit_cli", "gsedit": "gsedit", "rasterizer": "rasterizer"}
 
 
@@ -80,3 +82,7 @@ def test_functions_are_short():
 
 def test_the_package_has_few_loose_files():
     assert len(list((ROOT / "gsedit").glob("*.py"))) <= LOOSE_FILES
+
+
+def test_the_package_has_at_most_sixteen_folders():
+    assert len(list((ROOT / "gsedit").glob("*/__init__.py"))) <= FOLDERS

@@ -18,7 +18,7 @@ class Absent:
 
 ABSENT = sys.argv[1].split(",")
 sys.meta_path.insert(0, Absent())
-for room in ("app", "capture", "editing", "fitting"):
+for room in ("app", "capture", "editing"):
     found = importlib.import_module(f"gsedit.{room}")
     for module in pkgutil.walk_packages(found.__path__, f"gsedit.{room}."):
         importlib.import_module(module.name)

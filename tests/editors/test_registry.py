@@ -64,7 +64,7 @@ def install(folder: Path, name: str, entries: str, code: str = "") -> None:
     info = folder / f"{name}-1.0.dist-info"
     info.mkdir()
     (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text(f"[gsedit.paper.editors]\n{entries}\n")
+    (info / "entry_points.txt").write_text(f"[gsedit.editors]\n{entries}\n")
     (folder / f"{name}.py").write_text(code)
 
 

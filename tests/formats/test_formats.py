@@ -11,7 +11,7 @@ import pytest
 from bad_files import PLY_COLUMNS, ply_bytes, scene_table
 
 from gsedit.errors import InputError, UsageError
-from gsedit.formats import table as formats
+from gsedit.formats import registry as formats
 from gsedit.formats.files import lost, open_scene, write_scene
 from gsedit.formats.ply.records import read_ply_header
 from gsedit.formats.streams import SceneHeader, in_blocks

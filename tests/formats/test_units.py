@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from point_clouds import ball
 
-from gsedit.formats import table as formats
+from gsedit.formats import registry as formats
 from gsedit.formats.files import lost, open_scene, writable_format, write_scene
 from gsedit.formats.streams import SceneHeader
 from gsedit.scene.table import table_of
