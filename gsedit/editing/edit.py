@@ -155,7 +155,7 @@ def prepare(
     resume: State | None = None,
     ranks: Ranks = ALONE,
 ) -> Job:
-    """Read a sentence, and check what is asked before any work.
+    """Read a sentence, and check what is asked; without views, some are searched.
 
     With an editor, a strategy, features, or a setting other than `region` and `execution`, the 2D
     editor (`small` if none is given) draws all of it, by the strategy (the single pass). `names`
