@@ -61,8 +61,8 @@ class Change:
     share of the full circle that it turns counterclockwise as seen from above, or how far it moves
     in shares of its size (see Place.units)."""
     route: str
-    """Way that does the change: "tone", "paint", "material", "light", "scenery" or "object"; or a 2D
-    editor that could, "small" or "pix2pix", which the caller chooses."""
+    """Way that does the change: "tone", "paint", "material", "light", "scenery" or "object"; or a
+    2D editor that could, "small" or "pix2pix", which the caller chooses."""
     phrase: str = ""
     """Words that name the object which changes, as "the red one"; for insert the scene's file; ""
     for what the target says."""
