@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     from gsedit.paper.actions import Strategy
     from gsedit.paper.diffusion.settings import Precision
     from gsedit.paper.editors import Editor
-    from gsedit.paper.request import Views
     from gsedit.paper.settings import EditSettings
     from gsedit.select.finder import Names
+    from gsedit.views.viewpoints import Views
     from gsedit.words.instruction import Instruction
     from rasterizer.numerics import Execution
     from rasterizer.scene import Gaussians
@@ -272,13 +272,12 @@ def numbered(file: Path, scene: Gaussians, views: Views) -> Iterator[None]:
     from gsedit.formats.pictures import save_picture
     from gsedit.pictures.segment_sheet import segment_sheet
     from gsedit.select.phrase import names
-    from gsedit.views.dataset import Dataset
     from gsedit.views.viewpoints import viewpoints_of
 
     try:
         yield
     except SeveralObjects as error:
-        viewpoints = viewpoints_of(views) if isinstance(views, Dataset) else views
+        viewpoints = viewpoints_of(views)
         sheet = segment_sheet(scene, error.segments, names(error.segments), viewpoints)
         file.parent.mkdir(parents=True, exist_ok=True)
         save_picture(sheet, file, overwrite=True)

@@ -39,9 +39,9 @@ from ..options.selection import AtOptions, MaskOptions
 
 if TYPE_CHECKING:
     from gsedit.editing.result import EditResult
-    from gsedit.paper.request import Views
     from gsedit.paper.settings import EditSettings
     from gsedit.run.events import Event
+    from gsedit.views.viewpoints import Views
     from gsedit.words.instruction import Instruction as Words
     from rasterizer.scene import Gaussians
 
@@ -332,11 +332,10 @@ def carry_beside(path: Path, scene: Gaussians, result: EditResult, folder: Path)
 def write_views(views: Views, result: EditResult, folder: Path) -> None:
     """Write the cameras that other commands read, and the views that gsedit metrics measures."""
     from gsedit.views.cameras_json import write_cameras
-    from gsedit.views.dataset import Dataset
     from gsedit.views.view_list_files import by_edit, write_view_list
     from gsedit.views.viewpoints import viewpoints_of
 
-    viewpoints = viewpoints_of(views) if isinstance(views, Dataset) else views
+    viewpoints = viewpoints_of(views)
     write_cameras(viewpoints, folder / "cameras.json", overwrite=True)
     edited = by_edit(viewpoints, {view.name for view in result.originals})
     write_view_list(edited, folder / "views.json", overwrite=True)

@@ -22,7 +22,7 @@ from gsedit.paper.actions import Strategy
 from gsedit.paper.draw import EditPlan, draw, explain
 from gsedit.paper.editors import make_editor
 from gsedit.paper.protocol import Editor
-from gsedit.paper.request import Method, Request, Views, build_request
+from gsedit.paper.request import Method, Request, build_request
 from gsedit.paper.settings import EditSettings
 from gsedit.paper.strategies.single_pass import SinglePass
 from gsedit.run.events import Checkpoint, Event
@@ -33,8 +33,7 @@ from gsedit.scene.outcome import same
 from gsedit.select.finder import Finder, Names
 from gsedit.select.region import Region
 from gsedit.views.around import find_viewpoints
-from gsedit.views.dataset import Dataset
-from gsedit.views.viewpoints import viewpoints_of
+from gsedit.views.viewpoints import Views, viewpoints_of
 from gsedit.words.instruction import Instruction
 from rasterizer.scene import Gaussians
 
@@ -183,6 +182,6 @@ def prepare(
             "gsedit.select.masked.find_masked finds, and name it by settings.region"
         )
     views = views or find_viewpoints(scene, execution=settings.execution)
-    viewpoints = viewpoints_of(views) if isinstance(views, Dataset) else tuple(views)
+    viewpoints = viewpoints_of(views)
     finder = Finder(scene, viewpoints, settings.region, names, settings.execution)
     return Job(steps, finder, views, settings, method, resume)

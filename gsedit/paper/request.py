@@ -24,7 +24,7 @@ from gsedit.scene.picture import render_picture
 from gsedit.select.region import Region
 from gsedit.views.dataset import Dataset, View, evenly_spaced
 from gsedit.views.lazy_views import of_one_size
-from gsedit.views.viewpoints import Viewpoint, that_see, thinned
+from gsedit.views.viewpoints import Viewpoint, Views, that_see, thinned
 from rasterizer.camera import Camera
 from rasterizer.numerics import Execution
 from rasterizer.scene import Gaussians
@@ -67,10 +67,6 @@ CAMERA_DECIMALS = 5
 """Decimals of a camera's numbers that identify it: a found one may differ by rounding."""
 LARGE_HELD_OUT_VIEWS = 4
 """Held-out views at which the edit of a large scene is measured: each render takes seconds."""
-
-
-Views = Dataset | Sequence[Viewpoint]
-"""Photos with cameras, or cameras alone."""
 
 
 @dataclass(frozen=True, eq=False)

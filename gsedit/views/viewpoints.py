@@ -37,9 +37,15 @@ class Viewpoint:
     """Lens of the photo as it was taken; None: not known."""
 
 
-def viewpoints_of(dataset: Dataset) -> tuple[Viewpoint, ...]:
-    """The cameras of a dataset's views, with their names."""
-    return tuple(Viewpoint(view.name, view.camera, view.lens) for view in dataset.views)
+Views = Dataset | Sequence[Viewpoint]
+"""Photos with cameras, or cameras alone."""
+
+
+def viewpoints_of(views: Views) -> tuple[Viewpoint, ...]:
+    """The cameras of views, with their names."""
+    if not isinstance(views, Dataset):
+        return tuple(views)
+    return tuple(Viewpoint(view.name, view.camera, view.lens) for view in views.views)
 
 
 def view_named(views: Sequence[Viewpoint], name: str) -> Viewpoint:

@@ -259,7 +259,7 @@ class SogFiles:
         self.path = path
         self.zipped = path.name.lower() != META
         self.prefix = ""
-        """Of names in the zip: some archives hold one folder."""
+        """Folder before the names in the zip, where an archive holds one; else empty."""
         if self.zipped:
             names = [info.filename for info in self._archive().infolist()]
             metas = [name for name in names if name.rpartition("/")[2] == META]
