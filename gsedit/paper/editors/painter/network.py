@@ -7,8 +7,8 @@ and offset of each normalised channel, and all share the convolutions. `v` pictu
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from itertools import chain, repeat
+from collections.abc import Callable, Sequence
+from itertools import repeat
 from typing import NamedTuple
 
 import torch
