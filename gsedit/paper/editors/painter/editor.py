@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from torch import Tensor
 
 from gsedit.errors import InputError
 from gsedit.paper.diffusion.settings import SamplerSettings
-from gsedit.paper.editors.painter.network import CELL, Affine, PaintNetwork
+from gsedit.paper.editors.painter.network import CELL, Affine, Moments, PaintNetwork
 from gsedit.paper.protocol import Capabilities, EditBatch, EditProgress
 from gsedit.views.padding import pad_to_multiple
 from gsedit.words.styles import style_asked
@@ -21,37 +21,77 @@ from gsedit.words.styles import style_asked
 WEIGHTS = Path(__file__).with_name("styles.safetensors")
 
 
+BRUSH = 192
+"""Pixels, longer side of the pictures that are painted. At 256 strokes are finer than the Gaussians
+of a scene fitted at 256 pixels can hold (docs/measurements/paper.md)."""
+BATCHES = 6
+"""A view takes 0.05 s, so that more of a scene is painted than another editor would edit."""
+MOST_SURVEYED_PIXELS = 3_000_000
+"""Pixels of all pictures that statistics are taken from, evenly spaced ones of more: the widest
+layer holds 32 numbers a pixel."""
+
+
 @dataclass(frozen=True, eq=False)
 class Painter:
-    """An Editor: every view is painted in the style that the sentence asks for."""
+    """An Editor: every view is painted in the style that the sentence asks for.
+
+    The channels of every layer are normalised by the statistics of all planned views together
+    (`with_views`), so that colors do not jump from view to view; without, by the picture's own.
+    """
 
     network: PaintNetwork
     styles: tuple[tuple[Affine, ...], ...]
     """Of each style, by its number, the affine map of every layer."""
+    moments: tuple[Moments, ...] | None = None
+    blocks: int = 0
+    """Residual blocks after which views agree where they show the same place: it plays the part of
+    t_end, and blurs strokes the more, the later it ends."""
     name: str = "painter"
     cell: int = CELL
 
     @property
     def capabilities(self) -> Capabilities:
-        """Nothing but what every editor has."""
-        return Capabilities()
+        """It draws, at a size of its own, and takes statistics from all planned views."""
+        return Capabilities(
+            best_size=BRUSH,
+            enlarges=True,
+            batches=BATCHES,
+            draws=True,
+            matches=self.blocks > 0,
+            with_views=self.with_views,
+        )
 
     def check(self, prompt: str) -> None:
         """Raise UsageError for a sentence that asks for no style."""
         style_asked(prompt)
 
     @torch.no_grad()
+    def with_views(self, prompt: str, pictures: Float[Tensor, "v h w 3"]) -> Painter:
+        """This editor with the statistics of these pictures, kept for every later view."""
+        step = 1 + len(pictures) * pictures[0, :, :, 0].numel() // MOST_SURVEYED_PIXELS
+        _, moments = self.network(_padded(pictures[::step]), self._style(prompt))
+        return replace(self, moments=tuple(moments))
+
+    @torch.no_grad()
     def edit(
         self, batch: EditBatch, settings: SamplerSettings, generator: torch.Generator
     ) -> Iterator[EditProgress]:
         """Paint the originals; anchored views stay as they are. Raises UsageError as `check`."""
-        style = self.styles[style_asked(batch.prompt).number]
+        style = self._style(batch.prompt)
         height, width = batch.originals.shape[1:3]
-        images, _ = self.network(_padded(batch.originals), style)
+
+        def agree(block: int, x: Tensor) -> Tensor:
+            return batch.agreed(x, settings.consensus_weight) if block <= self.blocks else x
+
+        pooled = self.moments is not None
+        images, _ = self.network(_padded(batch.originals), style, self.moments, pooled, agree)
         painted = images.movedim(1, -1)[:, :height, :width]
         if batch.anchored is not None:
             painted = torch.where(batch.anchored[:, None, None, None], batch.images, painted)
         yield EditProgress(1, 1, painted)
+
+    def _style(self, prompt: str) -> tuple[Affine, ...]:
+        return self.styles[style_asked(prompt).number]
 
 
 def _padded(pictures: Float[Tensor, "v h w 3"]) -> Float[Tensor, "v 3 H W"]:
