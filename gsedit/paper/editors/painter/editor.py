@@ -11,9 +11,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.errors import InputError
 from gsedit.paper.diffusion.settings import SamplerSettings
 from gsedit.paper.editors.painter.network import CELL, Affine, PaintNetwork
+from gsedit.paper.editors.painter.weights import hold, weights_of
 from gsedit.paper.protocol import Capabilities, EditBatch, EditProgress
 from gsedit.views.padding import pad_to_multiple
 from gsedit.words.styles import style_asked
@@ -64,18 +64,13 @@ def load_painter(path: Path = WEIGHTS) -> Painter:
 
     Raises InputError where the file is missing or damaged.
     """
-    from safetensors.torch import load_file
-
-    try:
-        held = load_file(path)
+    with weights_of(path) as held:
         gammas = {k.removesuffix(".gamma"): v for k, v in held.items() if k.endswith(".gamma")}
         styles = tuple(
             tuple(Affine(gammas[name][k], held[f"{name}.beta"][k]) for name in gammas)
             for k in range(len(next(iter(gammas.values()))))
         )
-        network = PaintNetwork(blocks=6)
-        network.load_state_dict({k: v for k, v in held.items() if k.endswith(".weight")})
-    except Exception as error:  # safetensors and torch raise their own, without a common base
-        reason = next(iter(str(error).strip().splitlines()), type(error).__name__)
-        raise InputError(f"{path} does not hold the painter's weights ({reason})") from error
-    return Painter(network.eval().requires_grad_(False), styles)
+        with torch.device("meta"):
+            network = PaintNetwork()
+        hold(network, {k: v for k, v in held.items() if k.endswith(".weight")})
+    return Painter(network, styles)
