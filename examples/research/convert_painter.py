@@ -43,7 +43,7 @@ def product(values: dict[str, np.ndarray], node: Any) -> np.ndarray:
 
 def dequantised(model: Any, values: dict[str, np.ndarray]) -> Any:
     """A graph in float32: constants times their scales, nothing else quantised."""
-    same: dict[str, str] = {}
+    same: dict[Any, Any] = {}
     kept = []
     for node in model.graph.node:
         if node.op_type == "DequantizeLinear" and node.input[0] in values:
@@ -115,7 +115,7 @@ def running(model: Any) -> Callable[..., np.ndarray]:
     onnxruntime.set_default_logger_severity(3)
     session = onnxruntime.InferenceSession(model.SerializeToString())
     names = [each.name for each in session.get_inputs()]
-    return lambda *given: session.run(None, dict(zip(names, given)))[0]
+    return lambda *given: np.asarray(session.run(None, dict(zip(names, given)))[0])
 
 
 def picture(height: int, width: int, phase: int) -> Tensor:

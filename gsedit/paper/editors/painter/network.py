@@ -16,6 +16,8 @@ import torch.nn.functional as F
 from jaxtyping import Float
 from torch import Tensor, nn
 
+from gsedit.views.padding import pad_to_multiple
+
 CELL = 4
 """Pixels of a position of the bottleneck: two convolutions of stride 2 come before it."""
 EPSILON = 1e-5
@@ -116,6 +118,16 @@ class PaintNetwork(nn.Module):
         for conv in self.expand[:2]:
             x = layer(conv, F.interpolate(x, scale_factor=2.0, mode="nearest")).relu()
         return layer(self.expand[2], x).sigmoid(), used
+
+
+@torch.no_grad()
+def painted(
+    network: PaintNetwork, pictures: Float[Tensor, "v h w 3"], style: Sequence[Affine]
+) -> Float[Tensor, "v h w 3"]:
+    """Pictures of any size as a network paints them, sRGB in [0, 1]."""
+    height, width = pictures.shape[1:3]
+    images, _ = network(pad_to_multiple(pictures, CELL, "mirror").movedim(-1, 1), style)
+    return images.movedim(1, -1)[:, :height, :width]
 
 
 def _moments(x: Float[Tensor, "v c y x"], pooled: bool) -> Moments:
