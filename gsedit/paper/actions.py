@@ -214,18 +214,18 @@ def _keep_strokes(
     session: Session, targets: Mapping[int, View], shares: Sequence[Float[Tensor, "h w"]]
 ) -> Iterator[Event]:
     """Descend the loss of the paper from the solved scene; yields events."""
-    request, stopwatch, scene = session.request, session.progress.stopwatch, session.scene
+    request, stopwatch = session.request, session.progress.stopwatch
     total = request.settings.update.strokes
     found = stroke_steps(
-        scene, list(targets.values()), session.region.inside, total, request.features,
+        session.scene, list(targets.values()), session.region.inside, total, request.features,
         request.generator, pictures=[preview(session, i) for i in targets], shares=shares,
         execution=request.settings.execution,
     )  # fmt: skip
-    for step, (loss, now) in enumerate(found, start=1):
-        scene = now
-        if step % REPORT_EVERY_STEPS == 0:
-            yield Event("strokes", stopwatch.seconds, step, total, loss)
-    _take(session, scene, total)
+    for step, item in enumerate(found, start=1):
+        if isinstance(item, Gaussians):
+            _take(session, item, total)
+        elif step % REPORT_EVERY_STEPS == 0:
+            yield Event("strokes", stopwatch.seconds, step, total, item)
     yield measure_progress(session, total, total, None)
 
 

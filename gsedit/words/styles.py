@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from gsedit.errors import UsageError
+from gsedit.words import lexicon
+from gsedit.words.lexicon import rows_of
 
 
 @dataclass(frozen=True)
@@ -15,7 +17,10 @@ class Style:
     number: int
 
 
-STYLES = {f"style {number}": Style(f"style {number}", number) for number in range(26)}
+STYLES = {
+    name: Style(name, int(number))
+    for name, _, number in (value.rpartition(" ") for _, value, _ in rows_of(lexicon.STYLES))
+}
 
 
 def style_asked(sentence: str) -> Style:

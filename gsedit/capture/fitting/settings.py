@@ -77,7 +77,7 @@ class UpdateSettings:
     """Random crops rendered in a step, where the scene is fitted in steps."""
     patch: int = 64
     """Side of a crop, pixels."""
-    strokes: int = 72
+    strokes: int = 36
     """Steps by which the strokes of drawn views are kept after the solve, for editors that draw
     (gsedit.capture.fitting.strokes). 0: none, and no view leads in the solve."""
 
