@@ -80,7 +80,7 @@ def stroke_steps(
     shares: Sequence[Float[Tensor, "h w"]],
     execution: Execution = AUTO,
 ) -> Iterator[float | Gaussians]:
-    """Yield the loss of every step, a view each, and last the scene; only base colors `inside` move.
+    """Yield the loss of every step, of a view, and last the scene; base colors `inside` move.
 
     `pictures` show the scene as it is at the targets; `shares` are the weights of pixels in the
     MSE. The Gram loss is relative to the targets' own: a sum over layers.
