@@ -1,0 +1,411 @@
+"""The arms: how views are painted and the scene is fitted to them, one switch each from BASE.
+
+`n` Gaussians; `v` views of `h w` pixels.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Literal, NamedTuple
+
+import torch
+from jaxtyping import Float
+from kornia.filters import gaussian_blur2d
+from torch import Tensor
+
+from gsedit.capture.fitting.solve import solve_colors
+from gsedit.capture.fitting.strokes import (
+    BAND_PENALTY,
+    GRAM_GRADIENT,
+    LAST_RATE,
+    MOMENTS,
+    RATE,
+    leading_shares,
+    leading_views,
+)
+from gsedit.measures.features import FilterBank
+from gsedit.measures.losses import gram
+from gsedit.measures.perceptual import perceptual_distance
+from gsedit.paper.consistency.correspond import Correspondences, correspond
+from gsedit.paper.diffusion.settings import SamplerSettings
+from gsedit.paper.editors.painter.editor import Painter
+from gsedit.paper.protocol import EditBatch
+from gsedit.paper.unedited import render_with_depth
+from gsedit.paper.view_plan import random_plan
+from gsedit.views.dataset import View
+from gsedit.views.padding import pad_camera, pad_to_multiple
+from rasterizer.color_weights import ColorWeights, color_weights
+from rasterizer.numerics import AUTO, SH_DC
+from rasterizer.render import render
+from rasterizer.scene import Gaussians
+from research.painting.cases import BATCHES, EACH, Case, Pictures, disagreement, energy
+
+Loss = Literal["mse", "sum", "switch", "l1+perceptual"]
+STEPS = 36
+"""Steps of the descent from the solved scene, as in gsedit's settings."""
+STEADY = RATE / 2
+"""Rate of the strategies, which have a result at every second: none falls."""
+ROUND = 10
+"""Steps of an iterative update between two edits, as in Instruct-NeRF2NeRF."""
+FIRST = 1 / 3
+"""Share of the seconds that the combined strategy gives the single pass."""
+BLURS = tuple(0.2 * 1.05**k for k in range(60))
+"""Deviations, pixels, among which a blur is looked for."""
+
+
+@dataclass(frozen=True)
+class Arm:
+    """One way of editing; the defaults are BASE."""
+
+    name: str
+    views: Literal["planned", "random", "all"] = "planned"
+    seed: int = 0
+    pooled: bool = True
+    """Whether all views share the statistics of the normalisations."""
+    blocks: int = 0
+    """Residual blocks after which corresponding cells get their mean: T_end."""
+    solve: Literal["none", "mean", "lead"] = "lead"
+    """The scene where a descent begins: the unedited one, the solve where all views weigh alike, or
+    that where one view leads."""
+    steps: int = STEPS
+    loss: Loss = "sum"
+    ratio: float = GRAM_GRADIENT
+    """Gradient of the Gram loss over that of the MSE at the first step."""
+
+
+BASE = Arm("base")
+ARMS = (
+    BASE,
+    Arm("lead", steps=0),
+    Arm("mse", loss="mse"),
+    Arm("ratio 1", ratio=1.0),
+    Arm("switch", loss="switch"),
+    Arm("statistics alone", pooled=False),
+    *(Arm(f"agree in {k}", blocks=k) for k in (1, 6)),
+    Arm("random", views="random"),
+    Arm("solve", solve="mean", steps=0),
+    Arm("no lead", solve="mean"),
+    Arm("adam mse", solve="none", loss="mse", steps=2 * STEPS),
+)
+LATER = (
+    Arm("l1+perceptual", loss="l1+perceptual"),
+    Arm("all", views="all"),
+    Arm("agree in 3", blocks=3),
+    Arm("ratio 3", ratio=3.0),
+    *(Arm("random", views="random", seed=seed) for seed in (1, 2)),
+)
+"""Arms that take longest or decide least: they run after all others."""
+
+REPAINT = "repaint"
+
+
+class Work(NamedTuple):
+    """A scene after some work."""
+
+    scene: Gaussians
+    seconds: float
+    """Processor seconds, without what all arms share."""
+    steps: int
+    edits: int
+    """Views that were painted."""
+
+
+class Bench:
+    """The arms of a case in a style; what several share is made once, and its seconds count in
+    each."""
+
+    def __init__(self, case: Case, painter: Painter, style: str) -> None:
+        self.case, self.painter, self.style = case, painter, style
+        self.bank = FilterBank()
+        self.targets, self.start = cache(self._targets), cache(self._start)
+        self.gram_weight = cache(self._gram_weight)
+
+    def fitted(self, arm: Arm) -> Work:
+        """The scene of an arm."""
+        key = arm.views, arm.seed, arm.pooled, arm.blocks
+        targets, painting = self.targets(*key)
+        scene, shares, solving = self.start(*key, arm.solve)
+        begin = time.process_time()
+        if arm.steps:
+            descent = Descent(scene, self.case, arm.loss, arm.ratio, arm.seed)
+            for i, target in targets.items():
+                descent.put(i, target, shares.get(i))
+            for step in range(arm.steps):
+                falling = 1 - (1 - LAST_RATE) * step / arm.steps
+                descent.step(descent.next_view(), RATE * falling)
+            scene = descent.scene
+        seconds = painting + solving + time.process_time() - begin
+        return Work(scene, seconds, arm.steps, len(targets))
+
+    def agreement(self, arm: Arm) -> dict[str, float | None]:
+        """Meters of the painted views themselves, beside BASE's and beside BASE's blurred until
+        they have the same energy."""
+        case, base = self.case, self.targets("planned", 0, True, 0)[0]
+        own = self.targets(arm.views, arm.seed, arm.pooled, arm.blocks)[0]
+        share = energy(list(own.values())) / energy(list(base.values()))
+        found: dict[str, float | None] = {
+            "target_energy": share,
+            "target_disagreement": disagreement(case.among, case, own),
+        }
+        if arm.blocks:
+            blurred = blurred_to(share * energy(list(base.values())), base)
+            found["blurred_disagreement"] = disagreement(case.among, case, blurred)
+        return found
+
+    def _targets(
+        self, views: str, seed: int, pooled: bool, blocks: int
+    ) -> tuple[dict[int, Float[Tensor, "h w 3"]], float]:
+        """Painted views by index, and seconds."""
+        case = self.case
+        chosen = case.planned
+        if views == "all":
+            chosen = case.views
+        elif views == "random":
+            plan = random_plan(case.weights[list(case.views)], EACH, BATCHES, seed)
+            chosen = tuple(case.views[i] for i in plan.views)
+        matches = correspondences(case, chosen) if blocks else None  # in all arms, not counted
+        begin = time.process_time()
+        painter = replace(self.painter, blocks=blocks)
+        if pooled:
+            painter = painter.with_views(
+                self.style, torch.stack([case.unedited[i] for i in chosen])
+            )
+        pictures = self.paint(painter, [case.unedited[i] for i in chosen], matches)
+        return dict(zip(chosen, pictures)), time.process_time() - begin
+
+    def paint(
+        self,
+        painter: Painter,
+        pictures: Sequence[Float[Tensor, "h w 3"]],
+        matches: Correspondences | None = None,
+    ) -> Float[Tensor, "v h w 3"]:
+        """Pictures as the painter paints them together; each by its own statistics where it has
+        none."""
+        views = torch.stack(list(pictures))
+        batch = EditBatch(views, views, self.style, matches)
+        (done,) = painter.edit(batch, SamplerSettings(), torch.Generator())
+        assert done.images is not None
+        return done.images
+
+    def _start(
+        self, views: str, seed: int, pooled: bool, blocks: int, solve: str
+    ) -> tuple[Gaussians, dict[int, Float[Tensor, "h w"]], float]:
+        """The scene where a descent begins, the weights of pixels, and seconds."""
+        case, targets = self.case, self.targets(views, seed, pooled, blocks)[0]
+        begin, scene, shares = time.process_time(), case.scene, {}
+        if solve == "lead":
+            leading = leading_views(case.weights[list(targets)], scene.means)
+            cameras = [case.cameras[i] for i in targets]
+            shares = dict(zip(targets, leading_shares(scene, cameras, leading)))
+        if solve != "none":
+            shown = [View(str(i), case.cameras[i], each) for i, each in targets.items()]
+            every = torch.ones(len(scene), dtype=torch.bool)
+            weights = list(shares.values()) or None
+            for found in solve_colors(
+                scene, shown, every, shares=weights, band_penalty=BAND_PENALTY
+            ):
+                last = found
+            scene = last.scene
+        return scene, shares, time.process_time() - begin
+
+    def strategy(self, name: str, seconds: Sequence[float], seed: int = 0) -> Iterator[Work]:
+        """The scene of a strategy after so many processor seconds each; all descend the sum at a
+        steady rate, and Gram weighs the same in all."""
+        case, clock = self.case, Clock()
+        chance, done, edits = torch.Generator().manual_seed(seed), 0, 0
+        descent = Descent(case.scene, case, "sum", GRAM_GRADIENT, seed)
+        if name in ("solved", "single", "combined"):
+            targets, spent = self.targets("planned", 0, True, 0)
+            clock.spent, edits = spent, len(targets)
+            shares: Mapping[int, Tensor] = {}
+            if name == "solved":
+                scene, shares, spent = self.start("planned", 0, True, 0, "lead")
+                clock.spent += spent
+                descent = Descent(scene, case, "sum", GRAM_GRADIENT, seed)
+            for i, target in targets.items():
+                descent.put(i, target, shares.get(i))
+        else:
+            for i in case.views:
+                descent.put(i, case.unedited[i])
+        descent.weight = self.gram_weight()
+        for until in seconds:
+            with clock:
+                while clock.now() < until:
+                    single = name in ("solved", "single")
+                    if single or (name == "combined" and clock.now() < FIRST * seconds[-1]):
+                        descent.step(descent.next_view(), STEADY)
+                        done += 1
+                        continue
+                    view = case.views[int(torch.randint(len(case.views), (), generator=chance))]
+                    now = descent.picture(view).detach().clamp(0, 1)
+                    shown = now if name == REPAINT else case.unedited[view]
+                    descent.put(view, self.paint(self.painter, [shown])[0])
+                    edits += 1
+                    for _ in range(ROUND):
+                        descent.step(descent.any_view(), STEADY)
+                    done += ROUND
+            yield Work(descent.scene, clock.spent, done, edits)
+
+    def _gram_weight(self) -> float:
+        """Lambda of BASE's first step, of every strategy."""
+        targets, _ = self.targets("planned", 0, True, 0)
+        scene, shares, _ = self.start("planned", 0, True, 0, "lead")
+        descent = Descent(scene, self.case, "sum", GRAM_GRADIENT, 0)
+        for i, target in targets.items():
+            descent.put(i, target, shares[i])
+        descent.step(descent.next_view(), 0.0)
+        assert descent.weight is not None
+        return descent.weight
+
+
+class Clock:
+    """Processor seconds of the stretches in `with`."""
+
+    def __init__(self) -> None:
+        self.spent, self._begin = 0.0, 0.0
+
+    def __enter__(self) -> None:
+        self._begin = time.process_time()
+
+    def __exit__(self, *_: object) -> None:
+        self.spent = self.now()
+
+    def now(self) -> float:
+        """Seconds so far, within a stretch."""
+        return self.spent + time.process_time() - self._begin
+
+
+class Descent:
+    """Base colors that descend a loss by Adam, a whole view a step, geometry fixed: a picture is
+    linear in them."""
+
+    def __init__(self, scene: Gaussians, case: Case, loss: Loss, ratio: float, seed: int) -> None:
+        self._scene, self.case, self.loss, self.ratio = scene, case, loss, ratio
+        self.weight: float | None = None
+        self.change = torch.zeros_like(scene.means, requires_grad=True)
+        self._adam = torch.optim.Adam([self.change], RATE, MOMENTS)
+        self._chance = torch.Generator().manual_seed(seed)
+        self._targets: dict[int, Tensor] = {}
+        self._shares: dict[int, Tensor] = {}
+        self._grams: dict[int, list[Tensor]] = {}
+        self._linear: dict[int, tuple[ColorWeights, Tensor]] = {}
+        self._order: list[int] = []
+        self._bank = FilterBank()
+
+    def put(
+        self, i: int, target: Float[Tensor, "h w 3"], share: Float[Tensor, "h w"] | None = None
+    ) -> None:
+        """Make this the target of a view, with weights of pixels."""
+        self._targets[i] = target
+        self._shares[i] = target.new_ones(1, 1, 1) if share is None else share[..., None]
+        self._grams.pop(i, None)
+
+    def next_view(self) -> int:
+        """A view, each once before any again."""
+        views = list(self._targets)
+        if not self._order:
+            self._order = torch.randperm(len(views), generator=self._chance).tolist()
+        return views[self._order.pop()]
+
+    def any_view(self) -> int:
+        """A view at random."""
+        views = list(self._targets)
+        return views[int(torch.randint(len(views), (), generator=self._chance))]
+
+    def picture(self, i: int) -> Float[Tensor, "h w 3"]:
+        """The picture of a view as the scene is now."""
+        if i not in self._linear:
+            camera = self.case.cameras[i]
+            with torch.no_grad():
+                before = render(self._scene, camera).color
+            self._linear[i] = color_weights(self._scene, camera), before
+        weights, before = self._linear[i]
+        return before + _Picture.apply(self.change, weights)
+
+    def step(self, i: int, rate: float) -> None:
+        """One step on a view."""
+        now, target, share = self.picture(i), self._targets[i], self._shares[i]
+        if self.loss == "l1+perceptual":
+            distance = perceptual_distance()
+            assert distance is not None
+            loss = (share * (now - target).abs()).mean() + distance(now, target)
+        else:
+            loss = self._sum(i, now, (share * (now - target)).square().mean())
+        self._adam.zero_grad()
+        loss.backward()
+        self._adam.param_groups[0]["lr"] = rate
+        self._adam.step()
+
+    def _sum(self, i: int, now: Tensor, error: Tensor) -> Tensor:
+        """The MSE, the Gram loss relative to the target's own, or both."""
+        if self.loss == "mse":
+            return error
+        switches = self.weight is not None and self.loss == "switch"
+        if switches and torch.rand((), generator=self._chance) < 0.5:
+            return error
+        if i not in self._grams:
+            with torch.no_grad():
+                self._grams[i] = self._gram(self._targets[i])
+        style = torch.stack(
+            [
+                (own - goal).square().sum() / goal.square().sum().clamp_min(1e-12)
+                for own, goal in zip(self._gram(now), self._grams[i])
+            ]
+        ).sum()
+        if self.weight is None:
+            sizes = [
+                torch.autograd.grad(each, self.change, retain_graph=True)[0].norm()
+                for each in (error, style)
+            ]
+            self.weight = self.ratio * float(sizes[0] / sizes[1])
+        return self.weight * style if self.loss == "switch" else error + self.weight * style
+
+    def _gram(self, picture: Tensor) -> list[Tensor]:
+        return [gram(each) for each in self._bank(picture.movedim(-1, 0)[None])]
+
+    @property
+    def scene(self) -> Gaussians:
+        """A copy of the scene as it is now."""
+        sh = self._scene.sh.clone()
+        sh[:, 0] += self.change.detach() / SH_DC
+        return replace(self._scene, sh=sh)
+
+
+class _Picture(torch.autograd.Function):
+    """The change of a picture by a change of base colors, which is linear."""
+
+    @staticmethod
+    def forward(ctx, change, weights):  # pyright: ignore
+        ctx.weights = weights
+        return weights.picture(change)
+
+    @staticmethod
+    def backward(ctx, gradient):  # pyright: ignore
+        return ctx.weights.back(gradient.contiguous()), None
+
+
+def correspondences(case: Case, views: Sequence[int]) -> Correspondences:
+    """Cells of the painter's bottleneck that show the same place, by the unedited scene's depth."""
+    cell = Painter.cell
+    shown = [render_with_depth(case.scene, case.cameras[i], AUTO) for i in views]
+    depths = [each.median_depth for each in shown if each.median_depth is not None]
+    return correspond(
+        [pad_camera(case.cameras[i], cell) for i in views],
+        pad_to_multiple(torch.stack(depths), cell, "constant"),
+        pad_to_multiple(torch.stack([each.alpha for each in shown]), cell, "constant"),
+        cell=cell,
+    )
+
+
+def blurred_to(goal: float, pictures: Pictures) -> dict[int, Float[Tensor, "h w 3"]]:
+    """Pictures blurred by the least of BLURS that leaves no more energy than `goal`."""
+    stack = torch.stack(list(pictures.values())).movedim(-1, 1)
+    for sigma in BLURS:
+        side = 2 * int(4 * sigma + 1) + 1
+        blurred = gaussian_blur2d(stack, (side, side), (sigma, sigma)).movedim(1, -1)
+        if energy(list(blurred)) <= goal:
+            break
+    return dict(zip(pictures, blurred))
