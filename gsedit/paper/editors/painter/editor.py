@@ -11,7 +11,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.errors import InputError
+from gsedit.errors import InputError, Said, UsageError
 from gsedit.paper.diffusion.settings import SamplerSettings
 from gsedit.paper.editors.painter.network import CELL, Affine, PaintNetwork
 from gsedit.paper.protocol import Capabilities, EditBatch, EditProgress
@@ -33,25 +33,31 @@ class Painter:
 
     @property
     def capabilities(self) -> Capabilities:
-        """Nothing but what every editor has."""
-        return Capabilities()
+        """Only that it paints styles."""
+        return Capabilities(paints_styles=True)
 
     def check(self, prompt: str) -> None:
-        """Raise UsageError for a sentence that asks for no style."""
-        style_asked(prompt)
+        """Raise UsageError for a sentence that asks for no style of the network."""
+        self._number(prompt)
 
     @torch.no_grad()
     def edit(
         self, batch: EditBatch, settings: SamplerSettings, generator: torch.Generator
     ) -> Iterator[EditProgress]:
         """Paint the originals; anchored views stay as they are. Raises UsageError as `check`."""
-        style = self.styles[style_asked(batch.prompt).number]
+        style = self.styles[self._number(batch.prompt)]
         height, width = batch.originals.shape[1:3]
         images, _ = self.network(_padded(batch.originals), style)
         painted = images.movedim(1, -1)[:, :height, :width]
         if batch.anchored is not None:
             painted = torch.where(batch.anchored[:, None, None, None], batch.images, painted)
         yield EditProgress(1, 1, painted)
+
+    def _number(self, prompt: str) -> int:
+        style = style_asked(prompt)
+        if style.number is None:
+            raise UsageError(Said(f"{prompt!r} names no picture", "like"))
+        return style.number
 
 
 def _padded(pictures: Float[Tensor, "v h w 3"]) -> Float[Tensor, "v 3 H W"]:
