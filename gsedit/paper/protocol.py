@@ -126,6 +126,9 @@ class Capabilities:
     """(prompt, edited views, their originals) -> the true edit that these views agreed on, or None;
     with it the error of an edit can be measured. The true edit is of whole pictures, and so is an
     instruction of such an editor. None for editors without one."""
+    paints_styles: bool = False
+    """Whether it draws the painting styles that gsedit.words reads, each in the part of the scene
+    that it is said of; any other editor gets a whole sentence as it is."""
     levels: Callable[[SamplerSettings, tuple[int, int]], list[NoiseLevel]] | None = None
     """(settings, rows and columns of latent cells) -> the levels that sampling steps between, for
     schedules that depend on the picture's size or on the number of steps. None: those that the

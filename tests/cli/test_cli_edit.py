@@ -14,7 +14,7 @@ from gsedit import load
 from gsedit.editing.plan import read_steps
 from gsedit.scene.outcome import NEW, Outcome
 from gsedit.select.saved import save_named, saved_file, saved_names
-from gsedit.words.looks import LOOKS
+from gsedit.words.lexicon import styles
 from rasterizer.scene import concatenate
 
 
@@ -98,8 +98,8 @@ def test_names_follow_an_edit_of_several_steps(scene, photos, tmp_path):
     [
         ("paint it red", [["paint"]]),
         ("paint it red and make it night", [["paint", "light"]]),
-        ("paint it red and make it impressionist", [["paint"], ["small"]]),
-        ("make it impressionist, then 20% darker", [["small"], ["tone"]]),
+        ("paint it red and make it impressionist", [["paint"], ["style"]]),
+        ("make it impressionist, then 20% darker", [["style"], ["tone"]]),
     ],
 )
 def test_a_sentence_is_cut_where_the_route_changes(text, routes):
@@ -116,7 +116,7 @@ def test_all_steps_are_in_one_folder(scene, photos, tmp_path):
     assert result.exit_code == 0, result.stderr
     assert json.loads(result.stdout.splitlines()[-1])["folder"] == str(out)
     record = json.loads((out / "edit.json").read_text())
-    assert record["route"] == "tone+small"
+    assert record["route"] == "tone+style"
     assert record["instruction"] == words[0]
     assert record["history"] == []
     again = gsedit("edit", scene, *words, "--size", 32, "-o", out)
@@ -126,7 +126,8 @@ def test_all_steps_are_in_one_folder(scene, photos, tmp_path):
 def test_every_look_is_listed():
     result = gsedit("list", "looks", "--json")
     listed = [json.loads(line) for line in result.stdout.splitlines()]
-    assert [each["name"] for each in listed] == list(LOOKS)
+    assert [each["name"] for each in listed if each["kind"] == "style"] == list(styles())
+    assert {"bronze", "sunset", "snow"} <= {each["name"] for each in listed}
 
 
 def test_a_sentence_is_read():

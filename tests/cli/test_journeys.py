@@ -182,7 +182,8 @@ def test_photos_become_a_scene_that_is_edited_and_measured(place, tmp_path):
         assert gsedit(*edit).exit_code == 130
     assert names(out) == {"checkpoint.safetensors", "metrics.unfinished.jsonl"}
     assert gsedit(*edit).exit_code == 2
-    assert gsedit(*edit, "--resume", "--editor", "small").exit_code == 2  # another request
+    other = ("--editor", "command", "--run", "true")
+    assert gsedit(*edit, "--resume", *other).exit_code == 2  # another request
     assert answer(*edit, "--resume")["folder"] == str(out)
     assert gsedit(*edit, "--resume").exit_code == 2  # it is done
     kept = {"scene.ply", "edit.json", "metrics.jsonl", "before_after.png", "cameras.json"}

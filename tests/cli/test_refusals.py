@@ -167,7 +167,12 @@ REFUSED = """
 2 | EDIT -o out --region hat5 | hat
 3 | EDIT -o out --region hat | another order
 3 | edit scene.ply 'remove the hat' --data photos -o out | another order
-2 | EDIT -o out --editor small --features gone.pth | filters or vgg
+2 | EDIT -o out --editor closed-form --features gone.pth | filters or vgg
+2 | edit scene.ply 'paint it red' --steps 3 -o out | nothing that is drawn
+2 | edit scene.ply 'as a hologram' -o out | graffiti and nocturne
+2 | edit scene.ply 'in the style of Vermeer' -o out | the nearest are
+2 | edit scene.ply 'in the style of this picture' -o out | --like
+2 | edit scene.ply 'paint it red' --editor painter -o out | nothing that is drawn
 2 | edit scene.ply 'make it impressionist' --condition photo -o out | --data
 3 | edit scene.ply 'insert there/is/none.ply' --data photos -o out | none.ply
 3 | edit none.ply 'put nowhere.ply on the ground' -o out | nowhere.ply
@@ -177,8 +182,8 @@ REFUSED = """
 2 | ROOM 'paint it teal' CLICK --region all -o out | leave one out
 2 | ROOM 'paint it teal' --at view_0:20 -o out | a column and a row
 2 | ROOM 'paint it teal' --at 0:1,1 -o out | nothing is at
-2 | ROOM 'make it impressionist' --masks command --masks-run true -o out | 2D editor
-2 | ROOM 'remove it' --editor small --masks clipseg -o out | 2D editor
+2 | ROOM 'make it impressionist' --masks command --masks-run true -o out | remove the chair
+2 | ROOM 'as gold' --editor closed-form --masks clipseg -o out | 2D editor
 2 | list looks ' ' | empty
 2 | list settings nothing | nothing
 2 | list styles scene.ply | -o styles.png

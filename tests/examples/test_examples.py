@@ -34,7 +34,7 @@ def test_the_demo_leaves_its_folder(tmp_path):
     names |= {"cameras.json", "views.json", "region.npy", "targets", "held_out", "held_out_alone"}
     assert names == {p.name for p in folder.iterdir()}
     record = json.loads((folder / "edit.json").read_text())
-    assert record["instruction"] == "turn the bear into a jade statue"
+    assert record["instruction"] == "as an expressionist painting"
     events = read_events(folder / "metrics.jsonl")
     assert events[-1].stage == "measure"
     assert events[-1].error is not None

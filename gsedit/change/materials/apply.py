@@ -229,7 +229,7 @@ def in_material(
     if studied.sure < UNSURE and not material.is_matte:
         raise UsageError(
             "the part's Gaussians show no surface that could reflect (they are needles or fog): "
-            "clean the scene first with gsedit clean, or edit with --editor small"
+            "clean the scene first with gsedit clean"
         )
     degree = 0 if material.is_matte else DEGREE
     sh = scene.with_degree(max(scene.degree, degree)).sh

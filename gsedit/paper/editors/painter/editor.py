@@ -14,7 +14,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.errors import UsageError
+from gsedit.errors import Said, UsageError
 from gsedit.paper.diffusion.settings import SamplerSettings
 from gsedit.paper.editors.painter.network import CELL, Affine, Moments, PaintNetwork
 from gsedit.paper.editors.painter.picture_style import (
@@ -82,6 +82,7 @@ class Painter:
             enlarges=True,
             batches=BATCHES,
             draws=True,
+            paints_styles=True,
             matches=self.blocks > 0,
             with_views=self.with_views,
         )
@@ -120,9 +121,12 @@ class Painter:
 
     def _style(self, prompt: str) -> tuple[Affine, ...]:
         """The affine maps that a sentence asks for. Raises UsageError."""
+        number = style_asked(prompt).number
         if self.like:
             return self.styles[0]
-        return self.styles[style_asked(prompt).number]
+        if number is None:
+            raise UsageError(Said(f"{prompt!r} names no picture", "like"))
+        return self.styles[number]
 
 
 def _padded(pictures: Float[Tensor, "v h w 3"]) -> Float[Tensor, "v 3 H W"]:
