@@ -121,12 +121,12 @@ class Painter:
 
     def _style(self, prompt: str) -> tuple[Affine, ...]:
         """The affine maps that a sentence asks for. Raises UsageError."""
-        number = style_asked(prompt).number
-        if self.like:
-            return self.styles[0]
-        if number is None:
+        asked = style_asked(prompt)
+        if not self.like and asked.number is None:
             raise UsageError(Said(f"{prompt!r} names no picture", "like"))
-        return self.styles[number]
+        if self.like and asked.number is not None:
+            raise UsageError(Said(f"{asked.name} is not the style of {self.like}", "unlike"))
+        return self.styles[asked.number or 0]
 
 
 def _padded(pictures: Float[Tensor, "v h w 3"]) -> Float[Tensor, "v 3 H W"]:
