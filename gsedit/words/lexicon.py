@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 TABLE = Path(__file__).with_name("lexicon.txt")
 THINGS = TABLE.with_name("things.txt")
+STYLES = TABLE.with_name("styles.txt")
 LONGEST = 5
 """Most words of a phrase."""
 

@@ -46,6 +46,15 @@ def _small_missing() -> Iterable[str]:
         yield f"its weights: {REINSTALL}"
 
 
+def _painter(
+    like: Path | None = None, strength: float | None = None, keep_colors: bool | None = None
+) -> Editor:
+    """Published networks, come with gsedit: painting styles by name, or that of a picture."""
+    from gsedit.paper.editors.painter.editor import make_painter
+
+    return make_painter(like, strength, keep_colors)
+
+
 def _closed_form() -> Editor:
     """Built in, no weights: fixed looks with a known ground truth, to measure the method by."""
     from gsedit.paper.editors.closed_form import ClosedForm
@@ -171,6 +180,7 @@ EDITORS = Plugins(
     "editor",
     {
         "small": (_small, _small_missing),
+        "painter": (_painter, tuple),
         "closed-form": (_closed_form, tuple),
         "pix2pix": (_pix2pix, _pix2pix_missing),
         "diffusers": (_diffusers, _diffusers_missing),

@@ -1,0 +1,1 @@
+"""Painting styles: published networks that draw."""
