@@ -28,9 +28,9 @@ from fuzzing import (
     judge,
     read_through,
 )
-from ksplat_files import ksplat, near_grey
 from photo_sets import cameras, colmap_dataset
 from PIL import Image
+from splat_tables import near_grey
 
 from gsedit import load_dataset
 from gsedit.app import document
@@ -247,7 +247,6 @@ SCENES = (
     scene("ascii.ply", _ascii),
     scene("a.compressed.ply", _write),
     scene("a.splat", lambda path, table: _write(path, table.replace(sh=table.sh[:, :1]))),
-    scene("a.ksplat", lambda path, table: ksplat(path, 1, table)),
     scene("3.spz", _write, in_gzip),
     scene("4.spz", lambda path, table: _write(path, table, 4), in_zstd),
     scene("a.sog", _write, in_zip),
@@ -255,7 +254,6 @@ SCENES = (
     scene("a.glb", _write, in_glb),
     scene("a.gltf", _gltf, in_json),
     *(scene(f"a.{end}", _write, share=0.02) for end in USD_CORE if find_spec("pxr")),
-    scene("a.npz", _write, in_zip),
 )
 MODEL = tuple(f"sparse/0/{name}" for name in ("cameras.bin", "images.bin", "points3D.bin"))
 INPUTS = (

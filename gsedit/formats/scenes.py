@@ -74,7 +74,7 @@ def save(
     overwrite: bool = False,
     options: WriteOptions = USUAL,
 ) -> None:
-    """Write a scene by suffix, in any format of WRITABLE: .ply is exact in float32, .npz too.
+    """Write a scene by suffix, in any format of WRITABLE: .ply is exact in float32.
 
     Atomic, creates parent folders. Raises UsageError if the file exists (and not `overwrite`), the
     suffix is unknown, the SH degree is above the format's, or the scene is empty or holds NaN.

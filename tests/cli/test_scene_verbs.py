@@ -134,7 +134,7 @@ def test_what_is_recolored_is_decided_before_colors_change(scene, tmp_path):
 
 
 def test_style_keeps_the_columns_of_the_file(scene, tmp_path):
-    picture, marked, out = (tmp_path / name for name in ("p.png", "marked.npz", "out.npz"))
+    picture, marked, out = (tmp_path / name for name in ("p.png", "marked.ply", "out.ply"))
     Image.fromarray(np.random.default_rng(0).integers(0, 255, (32, 32, 3), np.uint8)).save(picture)
     table = table_of(load(scene))
     table = table.replace(extra={"label": np.arange(len(table), dtype=np.int32)})

@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from ksplat_files import near_grey
 from scipy.spatial import cKDTree
+from splat_tables import near_grey
 
 from gsedit import orbit
 from gsedit.formats.files import WRITABLE, open_scene, write_scene
@@ -58,7 +58,6 @@ class Kept(NamedTuple):
 SPZ = {"scale_range": (-10, 5.9375), "color_range": (-0.5 / 0.15, 0.5 / 0.15)}
 FORMATS = (
     Kept(".ply", 0, 1e-6, 0, 1e-7, 0, 200),
-    Kept(".npz", 0, 1e-6, 0, 1e-7, 0, 200),
     # linear scales and opacities, float32
     Kept(".glb", 1e-7, 1e-3, 1e-5, 1e-6, 1e-6, 90),
     *([Kept(".usda", 0, 1e-3, 1e-5, 1e-6, 0, 90)] if find_spec("pxr") else []),
@@ -76,7 +75,6 @@ FORMATS = (
         color_range=(-0.5 / SH_DC, 0.5 / SH_DC),
     ),
 )
-KSPLAT = Kept(".ksplat", 1e-7, 1e-3, 1e-5, 1 / 500, 1 / 510 / SH_DC + 1e-6, 40)
 STEPS = {kept.suffix: kept for kept in FORMATS}
 FOREIGN = {
     "tiny.compressed.ply": STEPS[".compressed.ply"],
@@ -89,7 +87,6 @@ FOREIGN = {
     "tiny.sog": STEPS[".sog"]._replace(opacities=1 / 255),
     "tiny.glb": STEPS[".glb"],
     "tiny.splat": STEPS[".splat"],
-    "tiny.ksplat": KSPLAT,
 }
 """Files of one scene that other programs wrote (see tests/data/splats/README.md)."""
 
