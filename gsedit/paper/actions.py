@@ -9,7 +9,7 @@ from typing import Protocol, runtime_checkable
 
 import torch
 
-from gsedit.capture.fitting.crops import ListedCrops
+from gsedit.capture.fitting.crops import CorrectedCrops
 from gsedit.capture.fitting.random_crops import crops_needed
 from gsedit.capture.fitting.solve import solve_colors
 from gsedit.capture.fitting.update import Target, update_steps
@@ -54,7 +54,7 @@ def _calibrate_crops(session: Session, targets: list[Target]) -> None:
     last round.
     """
     progress, scene = session.progress, session.whole_scene()
-    if isinstance(progress.crops, ListedCrops):
+    if isinstance(progress.crops, CorrectedCrops):
         execution = session.request.settings.execution
         for target in targets:
             for each in dict.fromkeys((target.small, target.view)):
