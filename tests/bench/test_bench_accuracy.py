@@ -1,4 +1,4 @@
-"""Errors of pictures and gradients; the reference's file."""
+"""Errors of pictures and gradients."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from importlib import import_module
 import pytest
 import torch
 from benchmarks import cloud
+from closeness import with_pose
 
 from gsedit.bench.renderer import accuracy, speed
 from rasterizer import render
@@ -40,18 +41,6 @@ def test_the_worst_gradient_counts():
     assert accuracy.errors(alone, accuracy.Drawn(picture, expected)).gradient == pytest.approx(0.1)
 
 
-def test_gradients_that_should_be_zero():
-    zero, one = torch.zeros(3), torch.ones(3)
-    assert accuracy.relative(zero, zero) == 0.0
-    assert accuracy.relative(one, zero) == pytest.approx(math.sqrt(3))
-
-
-def test_the_reference_is_float64_with_all_gradients(tiny):
-    found = accuracy.reference_of(tiny.scene, tiny.camera)
-    assert found.picture.dtype == torch.float64
-    assert set(found.gradients) == {*accuracy.FIELDS, accuracy.POSE}
-
-
 def test_what_is_measured_is_what_renders_by_default(tiny, monkeypatch):
     """The compiled front end, where there is one: not what stands in for it."""
     if not is_compiled(AUTO):
@@ -70,7 +59,7 @@ def test_what_is_measured_is_what_renders_by_default(tiny, monkeypatch):
     found = accuracy.differentiate(colors, tiny.scene, tiny.camera)
     assert drawn == [True]
     assert set(found.gradients) == set(accuracy.FIELDS)
-    both = accuracy.with_pose(found, colors, tiny.scene, tiny.camera)
+    both = with_pose(found, colors, tiny.scene, tiny.camera)
     assert drawn == [True, False]
     assert set(both.gradients) == {*accuracy.FIELDS, accuracy.POSE}
     assert all(both.gradients[name] is found.gradients[name] for name in accuracy.FIELDS)
