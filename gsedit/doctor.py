@@ -53,7 +53,7 @@ class Library:
 LIBRARIES = (
     Library("pycolmap", "reading COLMAP's folders and undistorting photos", "pycolmap"),
     Library("trimesh", "meshes and to_trimesh", "trimesh"),
-    Library("matplotlib", "depth in color, diff -o and info --plot", "'gsedit[plots]'"),
+    Library("matplotlib", "depth in color and colors of points", "'gsedit[plots]'"),
     Library("mcp", "gsedit mcp", "'gsedit[mcp]'"),
     Library("OpenEXR", "gsedit render -o picture.exr", "'gsedit[exr]'"),
     Library("av", "gsedit capture VIDEO, and render -o video.mp4", "'gsedit[video]'"),
