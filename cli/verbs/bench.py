@@ -21,7 +21,7 @@ class BenchOptions:
 
 
 def bench(*, own: BenchOptions) -> None:
-    """Measure the renderer: how many times as fast as the reference, with which errors.
+    """Measure the speed and the errors of the renderer, beside the reference.
 
     The exit code is 0 whether or not the targets are reached.
 

@@ -25,7 +25,6 @@ from ..core.process import fitted
 from ..core.progress import progress, result_of
 from ..options.cameras import ViewOptions, load_views
 from ..options.common import (
-    FileOptions,
     Reads,
     Scene,
     Writes,
@@ -122,4 +121,4 @@ def write(scene: Gaussians, file: SceneFile, out: Path, force: bool) -> None:
 
     table = table_of(scene).replace(extra=file.extra)
     header, blocks = fitted(file.header, in_blocks(table), out)
-    write_scene(out, header, blocks, options=FileOptions().write(out), overwrite=force)
+    write_scene(out, header, blocks, overwrite=force)

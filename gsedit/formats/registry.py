@@ -34,7 +34,6 @@ FORMATS = (
     Format(INDEX, "sog.file", writes=False),
     Format(".splat", "splat", max_degree=0),
     Format(".glb", "gltf.file", keeps=NOTES),
-    Format(".gltf", "gltf.file", writes=False),
     *(Format(suffix, "usd.file", max_degree=4, keeps=NOTES) for suffix in USD),
     *(Format(suffix, "mesh", writes=False) for suffix in MESHES),
 )

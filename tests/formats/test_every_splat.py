@@ -16,7 +16,7 @@ from splat_tables import near_grey
 from gsedit import orbit
 from gsedit.formats.files import WRITABLE, open_scene, write_scene
 from gsedit.formats.registry import USD
-from gsedit.formats.streams import ReadOptions, SceneHeader, WriteOptions, in_blocks
+from gsedit.formats.streams import ReadOptions, SceneHeader, in_blocks
 from gsedit.measures.formulas import psnr
 from gsedit.scene.quaternions import rotations
 from gsedit.scene.table import SplatTable, gaussians_of
@@ -48,7 +48,6 @@ class Kept(NamedTuple):
     decibels: float
     """PSNR of a picture of the written scene against one of the scene."""
     degree: int = 3
-    version: int = 3
     scale_range: tuple[float, float] = (-np.inf, np.inf)
     """Range of the log-scales; values beyond stop at its ends."""
     color_range: tuple[float, float] = (-np.inf, np.inf)
@@ -65,7 +64,6 @@ FORMATS = (
     Kept(".compressed.ply", 1 / 1023, 6e-3, 0.02, 1 / 500, 0.05, 45),
     # 12 bits behind the point, scales in steps of 1/16, colors of 1 / (255 * 0.15)
     Kept(".spz", 2**-13, 5e-3, 1 / 32, 1 / 500, 0.0135, 45, **SPZ),
-    Kept(".spz", 2**-13, 5e-3, 1 / 32, 1 / 500, 0.0135, 45, version=4, **SPZ),
     # 16 bits of a logarithm, 8 of a component, 256 codes of scales and of colors
     Kept(".sog", 1e-4, 0.03, 0.05, 1 / 500, 0.05, 40),
     # float32 places and scales, 8 bits of a component of the quaternion and of a color
@@ -104,8 +102,7 @@ def within(table: SplatTable, degree: int) -> SplatTable:
 def again(table: SplatTable, kept: Kept, folder: Path) -> SplatTable:
     """Write the table, and read it again."""
     path = folder / f"a{kept.suffix}"
-    options = WriteOptions(spz_version=kept.version)
-    write_scene(path, SceneHeader(table.degree), in_blocks(table), options=options)
+    write_scene(path, SceneHeader(table.degree), in_blocks(table))
     return open_scene(path).table()
 
 
@@ -118,7 +115,7 @@ def source(request) -> SplatTable:
     return within(table, int(degree)) if degree else table
 
 
-@pytest.mark.parametrize("kept", FORMATS, ids=lambda kept: f"{kept.suffix[1:]}{kept.version}")
+@pytest.mark.parametrize("kept", FORMATS, ids=lambda kept: kept.suffix[1:])
 def test_there_and_back(kept: Kept, source: SplatTable, tmp_path):
     table = within(source, min(source.degree, kept.degree))
     assert_kept(kept, table, again(table, kept, tmp_path))
