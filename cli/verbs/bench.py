@@ -21,7 +21,7 @@ class BenchOptions:
 
 
 def bench(*, own: BenchOptions) -> None:
-    """Measure the speed and the errors of the renderer, beside the reference.
+    """Measure the speed and the errors of the renderer here.
 
     The exit code is 0 whether or not the targets are reached.
 
