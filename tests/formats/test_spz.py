@@ -70,16 +70,6 @@ def test_a_change_of_axes_is_the_similarity_that_it_names(name):
     np.testing.assert_allclose(again.sh, table.sh, atol=1e-5)
 
 
-@pytest.mark.parametrize("degree", [0, 1, 3, 4])
-def test_what_is_written_is_read_within_half_a_step(degree, tmp_path):
-    table = random_table(degree=degree)
-    source = open_scene(write(tmp_path / "a.spz", table))
-    assert (source.count, source.header.degree) == (len(table), degree)
-    assert source.header.antialiased
-    assert source.format == ".spz version 3"
-    assert_near(source.table(), table, **BOUNDS)
-
-
 def test_gsply_reads_what_we_write(tmp_path):
     """It leaves the axes as they are: RUB by the specification."""
     table = random_table()
