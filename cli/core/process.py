@@ -62,8 +62,7 @@ def process(
         for _ in blocks:
             pass
     else:
-        options = files.write(output.out)
-        write_scene(output.out, header, blocks, options=options, overwrite=output.force)
+        write_scene(output.out, header, blocks, overwrite=output.force)
     write_companions()
     if output.drop_invalid and first.invalid:
         print_message(f"{path}: rows left out by --drop-invalid: {first.invalid:,}")

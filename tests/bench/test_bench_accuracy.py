@@ -1,13 +1,12 @@
-"""Errors of pictures and gradients; the reference's file."""
+"""Errors of pictures and gradients."""
 
 from __future__ import annotations
 
-import math
 from importlib import import_module
 
 import pytest
-import torch
 from benchmarks import cloud
+from closeness import with_pose
 
 from gsedit.bench.renderer import accuracy, speed
 from rasterizer import render
@@ -19,37 +18,6 @@ from rasterizer.numerics import AUTO
 @pytest.fixture
 def tiny() -> speed.Workload:
     return cloud(60, 24, 16)
-
-
-def test_picture_errors_are_mean_tail_and_largest():
-    expected = torch.zeros(100, 10, 3)
-    drawn = expected.clone()
-    drawn[0, 0, 0], drawn[5, 5, 1] = -0.5, 0.25
-    found = accuracy.errors(accuracy.Drawn(drawn, {}), accuracy.Drawn(expected, {}))
-    assert found.mean == pytest.approx(0.75 / 3000)
-    assert (found.largest, found.gradient) == (0.5, None)
-
-
-def test_the_worst_gradient_counts():
-    picture = torch.zeros(2, 2, 3)
-    expected = {"a": torch.tensor([3.0, 4.0]), "b": torch.tensor([1.0, 0.0])}
-    drawn = {"a": torch.tensor([3.0, 4.5]), "b": torch.tensor([0.0, 1.0])}
-    got = accuracy.errors(accuracy.Drawn(picture, drawn), accuracy.Drawn(picture, expected))
-    assert got.gradient == pytest.approx(math.sqrt(2))
-    alone = accuracy.Drawn(picture, {"a": drawn["a"]})
-    assert accuracy.errors(alone, accuracy.Drawn(picture, expected)).gradient == pytest.approx(0.1)
-
-
-def test_gradients_that_should_be_zero():
-    zero, one = torch.zeros(3), torch.ones(3)
-    assert accuracy.relative(zero, zero) == 0.0
-    assert accuracy.relative(one, zero) == pytest.approx(math.sqrt(3))
-
-
-def test_the_reference_is_float64_with_all_gradients(tiny):
-    found = accuracy.reference_of(tiny.scene, tiny.camera)
-    assert found.picture.dtype == torch.float64
-    assert set(found.gradients) == {*accuracy.FIELDS, accuracy.POSE}
 
 
 def test_what_is_measured_is_what_renders_by_default(tiny, monkeypatch):
@@ -70,7 +38,7 @@ def test_what_is_measured_is_what_renders_by_default(tiny, monkeypatch):
     found = accuracy.differentiate(colors, tiny.scene, tiny.camera)
     assert drawn == [True]
     assert set(found.gradients) == set(accuracy.FIELDS)
-    both = accuracy.with_pose(found, colors, tiny.scene, tiny.camera)
+    both = with_pose(found, colors, tiny.scene, tiny.camera)
     assert drawn == [True, False]
     assert set(both.gradients) == {*accuracy.FIELDS, accuracy.POSE}
     assert all(both.gradients[name] is found.gradients[name] for name in accuracy.FIELDS)
