@@ -54,7 +54,7 @@ docs: setup
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
 bench: setup sanitize
-	$(BIN)/gsedit bench $(if $(wildcard $(GARDEN)),--points $(GARDEN))
+	$(BIN)/gsedit bench targets $(if $(wildcard $(GARDEN)),--points $(GARDEN))
 
 sanitize: setup
 	PYTHONPATH=tests:. $(BIN)/python tests/sanitizers.py

@@ -11,6 +11,7 @@ from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
+from typer.main import get_command
 
 from .chain import THEN, OperationCommand
 from .core.command import SET, LazyCommand, paragraphs, verb_name
@@ -18,7 +19,7 @@ from .core.console import as_json, print_json, print_message
 from .core.exits import FAILED, OK, USAGE, Interrupted, explain, one_line
 from .core.ranks import cause, end, leave, meet
 from .verbs.app import app as app_verb
-from .verbs.bench import bench
+from .verbs.bench import bench, bench_
 from .verbs.capture import capture
 from .verbs.doctor import doctor
 from .verbs.edit import edit
@@ -43,7 +44,7 @@ PANELS = {
     "Make a scene from photos": (capture, fit),
     "Look and measure": (info, select, view, render, mesh, measure, diff, metrics),
     CHANGING: (convert, filter_, clean, decimate, merge, transform, bend, align, recolor),
-    "Help": (list_, doctor, mcp, bench),
+    "Help": (list_, doctor, mcp, bench_),
 }
 """The verbs under their headings in `gsedit --help`."""
 COMPLETION = "_GSEDIT_COMPLETE"
@@ -58,6 +59,8 @@ class Verbs(TyperGroup):
         for panel, bodies in PANELS.items():
             for body in bodies:
                 command = OperationCommand(body) if panel == CHANGING else LazyCommand(body)
+                if body is bench_:  # a group
+                    command.make = lambda: get_command(bench)
                 self.add_command(command)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:

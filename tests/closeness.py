@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from gsedit.bench.renderer.accuracy import POSE, Draw, Drawn, differentiate
-from rasterizer import Camera, Gaussians
+from rasterizer import Gaussians
 
 EPS32 = float(np.finfo(np.float32).eps)
 
@@ -63,9 +61,3 @@ def slope_error(encode: Callable[[Tensor], Tensor], step: float) -> float:
             (weights * encode(images + sign * step * direction)).sum() for sign in (1, -1)
         )
     return float(((ahead - behind) / (2 * step) - slope).abs() / slope.abs())
-
-
-def with_pose(drawn: Drawn, draw: Draw, scene: Gaussians, camera: Camera) -> Drawn:
-    """Add the gradient of the pose, from a second picture."""
-    second = differentiate(draw, scene, camera, pose=True)
-    return replace(drawn, gradients={**drawn.gradients, POSE: second.gradients[POSE]})

@@ -151,9 +151,9 @@ def child(name: str, work: str, runs: int) -> None:
 def _renders(runs: int, generator, counts: Counter[str]) -> None:
     """Draw ordinary, extreme and random scenes, forward and backward."""
     import torch
-    from edge_cases import EDGE_CASES as EXTREMES
     from scenes import EDGE_CASES
 
+    from gsedit.bench.renderer.edge_cases import EDGE_CASES as EXTREMES
     from rasterizer import Numerics
 
     for make in EDGE_CASES.values():
@@ -170,8 +170,8 @@ def _renders(runs: int, generator, counts: Counter[str]) -> None:
 def _random_render(generator):
     """A scene of up to 300 Gaussians with numbers of any size, a camera, and settings."""
     import torch
-    from edge_cases import camera as camera_of
 
+    from gsedit.bench.renderer.edge_cases import camera as camera_of
     from rasterizer import Gaussians, Numerics
 
     def pick(*choices):

@@ -1,4 +1,4 @@
-"""Errors of pictures and gradients."""
+"""Errors of pictures and gradients; the reference's file."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from importlib import import_module
 
 import pytest
 from benchmarks import cloud
-from closeness import with_pose
 
 from gsedit.bench.renderer import accuracy, speed
 from rasterizer import render
@@ -38,7 +37,7 @@ def test_what_is_measured_is_what_renders_by_default(tiny, monkeypatch):
     found = accuracy.differentiate(colors, tiny.scene, tiny.camera)
     assert drawn == [True]
     assert set(found.gradients) == set(accuracy.FIELDS)
-    both = with_pose(found, colors, tiny.scene, tiny.camera)
+    both = accuracy.with_pose(found, colors, tiny.scene, tiny.camera)
     assert drawn == [True, False]
     assert set(both.gradients) == {*accuracy.FIELDS, accuracy.POSE}
     assert all(both.gradients[name] is found.gradients[name] for name in accuracy.FIELDS)

@@ -7,9 +7,8 @@ from functools import cache, partial
 
 import pytest
 import torch
-from closeness import with_pose
 
-from gsedit.bench.renderer.accuracy import differentiate, relative
+from gsedit.bench.renderer.accuracy import differentiate, relative, with_pose
 from gsedit.bench.synthetic import ring_cameras, scenes, surface_gaussians
 from gsedit.paper.consistency.correspond import match
 from rasterizer import Execution, render

@@ -68,6 +68,17 @@ def test_what_lies_behind_a_wall_changes_no_gradient_in_front_of_it(layers):
             assert relative(a, b) < bar
 
 
+def test_depth_is_one_more_feature():
+    scene, view = cloud()
+    wanted, exact = gradients(scene, view, TORCH, depth=True)
+    found, close = gradients(scene, view, COMPILED, depth=True)
+    assert found.depth is not None
+    assert wanted.depth is not None
+    assert (found.depth - wanted.depth).abs().max() < 1e-11
+    for a, b in zip(close, exact):
+        assert relative(a, b) < 1e-11
+
+
 def test_stopping_early_keeps_the_gradients_of_opaque_discs():
     """Blocks of pixels that closed at the whole stop would leave out five times as much."""
     (columns,) = synthetic(("columns",), 15_000, 128)

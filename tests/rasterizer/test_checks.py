@@ -7,8 +7,14 @@ from dataclasses import replace
 
 import pytest
 import torch
-from edge_cases import CROWD, camera, gaussian, over_background, random_cloud
 
+from gsedit.bench.renderer.edge_cases import (
+    CROWD,
+    camera,
+    gaussian,
+    over_background,
+    random_cloud,
+)
 from rasterizer import Numerics, harmonics, render
 
 

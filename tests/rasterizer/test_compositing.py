@@ -23,12 +23,9 @@ STOP = Numerics().transmittance_min
     "execution",
     [
         *(replace(TORCH, tile_size=size) for size in (4, 8, 16, 32)),
-        *(
-            pytest.param(
-                Execution(kernel="compiled", tile_size=size),
-                marks=pytest.mark.skipif(compiled.load() is None, reason="no C++ compiler here"),
-            )
-            for size in (None, 1, 3, 40)
+        pytest.param(
+            Execution(kernel="compiled"),
+            marks=pytest.mark.skipif(compiled.load() is None, reason="no C++ compiler works here"),
         ),
     ],
     ids=lambda e: f"tile {e.tile_size} {e.kernel}",

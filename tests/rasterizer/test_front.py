@@ -7,13 +7,13 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from importlib import import_module
 
-import edge_cases
 import pytest
 import torch
 from closeness import leaves, tensors, weights_like
-from edge_cases import random_cloud
 from scenes import EDGE_CASES, cloud
 
+from gsedit.bench.renderer import edge_cases
+from gsedit.bench.renderer.edge_cases import random_cloud
 from rasterizer import Camera, Execution, Gaussians, Numerics, render
 from rasterizer.blending import cpp_backend
 from rasterizer.cpp_projection import kernel, picture

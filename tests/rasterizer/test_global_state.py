@@ -6,12 +6,17 @@ import numpy as np
 import pytest
 import torch
 from closeness import leaves, tensors, weights_like
-from edge_cases import EDGE_CASES
 
+from gsedit.bench.renderer.edge_cases import (
+    EDGE_CASES,
+)
 from rasterizer import Execution, render
 from rasterizer.blending import cpp_backend
 
 BY_NAME = {case.name: case for case in EDGE_CASES}
+
+
+"""Error of a color in [0, 1]: a rounding for each Gaussian that one pixel can blend."""
 
 
 def flags() -> dict[str, object]:

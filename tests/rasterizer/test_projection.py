@@ -7,7 +7,9 @@ import torch
 from closeness import relative, weights_like
 from gsplat_call import cloud, ortho
 
-from rasterizer.project import rotation_matrices
+from gsedit.bench.renderer.edge_cases import EDGE_CASES
+from rasterizer import Numerics
+from rasterizer.project import project, rotation_matrices
 
 DTYPES = (torch.float32, torch.float64)
 
@@ -38,6 +40,16 @@ def test_the_zero_quaternion_is_the_identity_without_gradient(dtype):
     found = rotation_matrices(quats)
     assert (found == torch.eye(3)).all()
     assert (torch.autograd.grad((found * weights_like(found)).sum(), quats)[0] == 0).all()
+
+
+def test_positions_far_from_the_origin_keep_the_digits_that_are_left():
+    case = next(case for case in EDGE_CASES if case.name == "1e7 from the origin")
+    scene, view, _ = case.make(torch.float32)
+    found = project(scene, view, Numerics()).xy
+    wanted = project(scene.to(torch.float64), view, Numerics()).xy
+    seen = wanted.abs().amax(1) < 100
+    assert seen.sum() > 50
+    assert (found - wanted)[seen].abs().max() < 1e-5  # float32 of a pixel's position, once
 
 
 def test_an_orthographic_camera_projects_and_unprojects():

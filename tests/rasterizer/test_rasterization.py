@@ -11,7 +11,7 @@ from closeness import leaves, relative, tensors
 from gsplat_call import BACKGROUND, DTYPES, cloud, gsplat_arguments, loss_of, ortho
 from scenes import camera, gaussian
 
-from rasterizer import Camera, Execution, Numerics, rasterization, render
+from rasterizer import Camera, Numerics, rasterization, render
 from rasterizer.reference import render_reference
 
 # option: gsplat's arguments; the same as Numerics; the camera
@@ -42,21 +42,19 @@ OPTIONS = {
 }
 
 
-@pytest.mark.parametrize("kernel", ["auto", "torch"])
 @pytest.mark.parametrize("dtype", DTYPES)
 @pytest.mark.parametrize("option", OPTIONS)
-def test_every_option_is_the_references(option, dtype, kernel):
+def test_every_option_is_the_references(option, dtype):
     arguments, meaning, view = OPTIONS[option]
     scene, numerics = cloud().to(dtype), Numerics(**meaning)
     wanted = render_reference(scene, view, background=BACKGROUND, numerics=numerics)
-    execution = Execution(kernel=kernel)
-    drawn = render(
-        scene, view, background=BACKGROUND, depth=True, numerics=numerics, execution=execution
-    )
+    drawn = render(scene, view, background=BACKGROUND, depth=True, numerics=numerics)
     color, alpha, _ = rasterization(
-        **gsplat_arguments(scene, view), **arguments, execution=execution,
-        backgrounds=BACKGROUND.to(dtype)[None], render_mode="RGB+ED",
-    )  # fmt: skip
+        **gsplat_arguments(scene, view),
+        **arguments,
+        backgrounds=BACKGROUND.to(dtype)[None],
+        render_mode="RGB+ED",
+    )
     assert color.dtype == dtype
     assert (color[0, ..., :3] - drawn.color).abs().max() < 4e-6  # opacity is not a logit here
     for found, depth in ((drawn.color, drawn.depth), (color[0, ..., :3], color[0, ..., 3])):
@@ -71,12 +69,10 @@ def test_every_option_is_the_references(option, dtype, kernel):
     assert 0.02 < alpha.mean() < alpha.max() < 1 - 1e-5
 
 
-@pytest.mark.parametrize("kernel", ["auto", "torch"])
 @pytest.mark.parametrize("dtype", DTYPES)
 @pytest.mark.parametrize("option", OPTIONS)
-def test_gradients_of_every_option_are_the_references(option, dtype, kernel):
+def test_gradients_of_every_option_are_the_references(option, dtype):
     arguments, meaning, view = OPTIONS[option]
-    execution = Execution(kernel=kernel)
     scene, numerics = cloud().to(dtype), Numerics(**meaning)
 
     def gradients(draw, scene):
@@ -91,14 +87,13 @@ def test_gradients_of_every_option_are_the_references(option, dtype, kernel):
         return found.color, found.alpha
 
     def ours(scene, view, background):
-        found = render(scene, view, background=background, numerics=numerics, execution=execution)
+        found = render(scene, view, background=background, numerics=numerics)
         return found.color, found.alpha
 
     def theirs(scene, view, background):
         color, alpha, _ = rasterization(
-            **gsplat_arguments(scene, view), **arguments, backgrounds=background[None],
-            execution=execution,
-        )  # fmt: skip
+            **gsplat_arguments(scene, view), **arguments, backgrounds=background[None]
+        )
         return color[0], alpha[0, ..., 0]
 
     wanted = gradients(reference, scene.to(torch.float64))

@@ -2,26 +2,35 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from functools import cache
 
 import pytest
 import torch
-from closeness import EPS32, leaves, relative, tensors, weights_like, with_pose
-from edge_cases import CROWD, EDGE_CASES, camera, gaussian
+from closeness import EPS32, leaves, relative, tensors, weights_like
 
-from gsedit.bench.renderer.accuracy import differentiate, errors
+from gsedit.bench.renderer import stability
+from gsedit.bench.renderer.edge_cases import (
+    CROWD,
+    EDGE_CASES,
+    camera,
+    gaussian,
+)
 from rasterizer import Execution, Numerics, Rendering, render
 from rasterizer.blending import cpp_backend as compiled
 from rasterizer.numerics import Kernel
-from rasterizer.reference import render_reference
 
 DTYPES = (torch.float32, torch.float64)
+
+
 BY_NAME = {case.name: case for case in EDGE_CASES}
-WITHOUT_STOP = Numerics(transmittance_min=0.0)
-"""Drawn without the early stop, errors are rounding and nothing else."""
+
+
 ROUNDING = CROWD * EPS32
 """Error of a color in [0, 1]: a rounding for each Gaussian that one pixel can blend."""
+
+
 DRAWN = [case.name for case in EDGE_CASES if case.refused is None]
 
 
@@ -51,23 +60,18 @@ ERRORS_64 = {
 @pytest.mark.parametrize("name", BY_NAME)
 def test_every_edge_case_is_right_or_refused_by_name(name, dtype):
     case = BY_NAME[name]
-    scene, view, background = case.make(dtype)
-    options = {"numerics": WITHOUT_STOP, "execution": Execution(kernel="torch")}
-    draw = lambda s, c: render(s, c, background=background, **options).color  # noqa: E731
+    row = stability.measure_edge_case(case, dtype, runs=1, execution=Execution(kernel="torch"))
     if case.refused is not None:
-        with pytest.raises(ValueError, match=f"^(?:{case.refused})"):
-            draw(scene, view)
+        assert row.outcome == "refused"
+        assert re.match(case.refused, row.message)
         return
-    drawn = with_pose(differentiate(draw, scene, view), draw, scene, view)
-    assert all(part.isfinite().all() for part in (drawn.picture, *drawn.gradients.values()))
-    exact = lambda s, c: render_reference(s, c, background=background.double()).color  # noqa: E731
-    wanted = differentiate(exact, scene.to(torch.float64), view, pose=True)
-    wrong = errors(drawn, wanted)
-    bars = (2e-5, GRADIENTS_32.get(name, 2e-4))
-    if dtype == torch.float64:
-        bars = (ERRORS_64.get(name, 1e-12), ERRORS_64.get(name, 1e-9))
-    assert wrong.largest / max(1.0, float(wanted.picture.abs().max())) < bars[0]
-    assert wrong.gradient < bars[1]
+    assert row.outcome == "finite"
+    if dtype == torch.float32:
+        assert row.image_error < 2e-5
+        assert row.gradient_error < GRADIENTS_32.get(name, 2e-4)
+    else:
+        assert row.image_error < ERRORS_64.get(name, 1e-12)
+        assert row.gradient_error < ERRORS_64.get(name, 1e-9)
 
 
 Drawn = tuple[Rendering, tuple[torch.Tensor, ...]]
@@ -96,7 +100,7 @@ def visible_parts(picture: Rendering) -> tuple[torch.Tensor, ...]:
 
 @cache
 def draw_all(name: str, dtype: torch.dtype) -> Drawn:
-    return draw(name, dtype, WITHOUT_STOP)
+    return draw(name, dtype, stability.WITHOUT_STOP)
 
 
 @pytest.mark.parametrize("dtype", DTYPES, ids=str)
@@ -116,7 +120,7 @@ def test_depths_alphas_and_their_gradients_are_finite(name, dtype):
 @pytest.mark.parametrize("name", DRAWN)
 def test_the_compiled_kernel_draws_every_edge_case_like_torch(name, dtype):
     wanted, exact = draw_all(name, dtype)
-    found, gradients = draw(name, dtype, WITHOUT_STOP, kernel="compiled")
+    found, gradients = draw(name, dtype, stability.WITHOUT_STOP, kernel="compiled")
     # each is within its bar of the reference, so within twice that of each other
     picture_bar, gradient_bar = (4e-5, 4e-4) if dtype == torch.float32 else (1e-11, 1e-9)
     brightest = max(1.0, float(wanted.color.detach().max()))

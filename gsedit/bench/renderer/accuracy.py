@@ -61,6 +61,12 @@ def differentiate(draw: Draw, scene: Gaussians, camera: Camera, *, pose: bool = 
     return Drawn(picture.detach(), dict(zip(inputs, gradients)))
 
 
+def with_pose(drawn: Drawn, draw: Draw, scene: Gaussians, camera: Camera) -> Drawn:
+    """Add the gradient of the pose, from a second picture."""
+    second = differentiate(draw, scene, camera, pose=True)
+    return replace(drawn, gradients={**drawn.gradients, POSE: second.gradients[POSE]})
+
+
 def errors(drawn: Drawn, expected: Drawn) -> Errors:
     """Errors of a picture, and of the gradients that `drawn` has."""
     error = (drawn.picture.double() - expected.picture.double()).abs()
