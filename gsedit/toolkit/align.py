@@ -12,7 +12,7 @@ from jaxtyping import Float64
 from gsedit.errors import UsageError
 from gsedit.formats.streams import SceneHeader
 from gsedit.formats.usd.units import rescaled
-from gsedit.scene.planes import planes_through, refined_plane
+from gsedit.scene.planes import Plane, voted_plane
 from gsedit.scene.quaternions import AXES, quaternion_of, turn_between
 from gsedit.scene.similarity import IDENTITY, Similarity
 from gsedit.scene.table import SplatTable, gaussians_of
@@ -38,44 +38,29 @@ UNSURE = 0.2
 """Share of splats with a partner below which a person is told to look."""
 
 
-@dataclass(frozen=True, eq=False)
-class Plane:
-    """Points p with normal . p = height; the normal points up, to where the scene is."""
+def find_ground(table: SplatTable, up: Float64[np.ndarray, "3"]) -> tuple[Plane, float, float]:
+    """The plane with most splats on it times the share of the others above it; its share of the
+    splats, by opacity times area, and the share of the others that lie above.
 
-    normal: Float64[np.ndarray, "3"]
-    height: float
-    share: float
-    """Share of the splats, by opacity times area, that lie on the plane."""
-    above: float
-    """Share of the others that lie above."""
-
-
-def find_ground(table: SplatTable, up: Float64[np.ndarray, "3"] | None = None) -> Plane:
-    """The plane with most splats on it times the share of the others above it.
-
-    `up` limits the planes to those within TILT of level. RANSAC with a fixed seed, then least
-    squares. Raises UsageError where no plane holds LEAST_SHARE of the scene.
+    Its normal is at most TILT from `up`. Raises UsageError where no plane holds LEAST_SHARE.
     """
     points = _sample(table)
     thickness = THICKNESS * float(np.median(np.linalg.norm(points - np.median(points, 0), axis=1)))
-    best = _best_of_three(points[:TRIED_SPLATS], thickness, up)
-    if best is None or best.share < LEAST_SHARE:
+    voters = points[:TRIED_SPLATS]
+
+    def votes(normals: np.ndarray, offsets: np.ndarray, on: np.ndarray) -> np.ndarray:
+        rise, share = normals @ up, on.mean(0)
+        over = ((voters @ normals.T - offsets) * np.sign(rise) > thickness).mean(0)
+        level = np.abs(rise) > np.cos(np.radians(TILT))
+        return level * share * (over / np.maximum(1 - share, 1e-9)) ** 4
+
+    found = voted_plane(voters, thickness, np.random.default_rng(0), votes, tries=TRIES)
+    plane = None if found is None else found[0].turned(up)
+    heights = np.zeros(0) if plane is None else plane.heights(points)
+    share = float(np.mean(np.abs(heights) < thickness)) if len(heights) else 0.0
+    if plane is None or share < LEAST_SHARE:
         raise UsageError("no ground was found: name what is up, or turn by transform --rotate")
-    normal, height = refined_plane(points, best.normal, best.height, thickness)
-    return _judge(points, normal, height, thickness, best.normal)
-
-
-def _best_of_three(
-    points: Float64[np.ndarray, "n 3"], thickness: float, up: Float64[np.ndarray, "3"] | None
-) -> Plane | None:
-    """Find the best plane through three of the points."""
-    corners = points[np.random.default_rng(0).integers(0, len(points), (TRIES, 3))]
-    normals, heights = planes_through(*np.moveaxis(corners, 1, 0))
-    if up is not None:
-        level = np.abs(normals @ up) > np.cos(np.radians(TILT))
-        normals, heights = normals[level], heights[level]
-    planes = [_judge(points, *each, thickness, up) for each in zip(normals, heights)]
-    return max(planes, key=lambda plane: plane.share * plane.above**4, default=None)
+    return plane, share, float(np.mean(heights > thickness)) / max(1 - share, 1e-9)
 
 
 def _sample(table: SplatTable) -> Float64[np.ndarray, "n 3"]:
@@ -86,24 +71,6 @@ def _sample(table: SplatTable) -> Float64[np.ndarray, "n 3"]:
     weight = np.minimum(weight, 10 * np.median(weight[weight > 0]))
     rows = np.random.default_rng(0).choice(len(weight), SAMPLED_SPLATS, p=weight / weight.sum())
     return table.means[rows].astype(np.float64)
-
-
-def _judge(
-    points: Float64[np.ndarray, "n 3"],
-    normal: Float64[np.ndarray, "3"],
-    height: float,
-    thickness: float,
-    up: Float64[np.ndarray, "3"] | None,
-) -> Plane:
-    """The plane with its normal towards `up`, or else towards most points."""
-    off = points @ normal - height
-    share = float(np.mean(np.abs(off) < thickness))
-    over, under = np.mean(off > thickness), np.mean(off < -thickness)
-    turn = normal @ up < 0 if up is not None else under > over
-    if turn:
-        normal, height, over, under = -normal, -height, under, over
-    above = float(over / max(over + under, 1e-9))
-    return Plane(normal, float(height), share, above)
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,14 +126,14 @@ class AlignToGround(Align):
             near = guess_up(gaussians_of(table)).numpy()
         else:
             near = AXES[self.near]
-        plane = find_ground(table, near)
+        plane, share, above = find_ground(table, near)
         axis = AXES[self.up]
         tilt = float(np.degrees(np.arccos(np.clip(plane.normal @ axis, -1, 1))))
         say(
             f"the ground leans {tilt:.2f} degrees against {self.up}; it holds "
-            f"{100 * plane.share:.0f} % of the scene, {100 * plane.above:.0f} % of the rest above"
+            f"{100 * share:.0f} % of the scene, {100 * above:.0f} % of the rest above"
         )
-        return Similarity(turn_between(plane.normal, axis), 1.0, -plane.height * axis)
+        return Similarity(turn_between(plane.normal, axis), 1.0, -plane.offset * axis)
 
 
 @dataclass(frozen=True, eq=False)
