@@ -27,7 +27,6 @@ from gsedit.select.surfaces import Surfaces, look
 from gsedit.views.around import cameras_of
 from gsedit.views.dataset import evenly_spaced
 from rasterizer.camera import Camera
-from rasterizer.numerics import AUTO, Execution
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
 
@@ -75,7 +74,6 @@ class _Looked:
 def find_subject(
     scene: Gaussians,
     cameras: Sequence[Camera] = (),
-    execution: Execution = AUTO,
     *,
     with_carrier: bool = False,
     saliency: Saliency = salient,
@@ -86,7 +84,7 @@ def find_subject(
     finds what stands out in pictures. Without cameras, some are found. Raises UsageError for an
     empty scene, InputError where the network's weights are missing or damaged.
     """
-    looked = _look(scene.detach(), tuple(cameras), execution, saliency)
+    looked = _look(scene.detach(), tuple(cameras), saliency)
     inside, note = _standing_out(looked, with_carrier=with_carrier)
     weight, every = looked.lifted.weight, everything(scene)
     if inside is None or weight[inside].sum() < LEAST_PIXELS * weight.sum():
@@ -94,23 +92,21 @@ def find_subject(
     if weight[inside].sum() > ALONE * weight.sum() and looked.border < EMPTY:
         return replace(every, note="auto: the subject, with nothing around it")
     sure = float((looked.lifted.mean * weight)[inside].sum() / weight[inside].sum())
-    return Region(within_silhouette(scene, looked.cameras, inside, execution), note, sure=sure)
+    return Region(within_silhouette(scene, looked.cameras, inside), note, sure=sure)
 
 
 @cached_per_scene
 @torch.no_grad()
-def _look(
-    scene: Gaussians, cameras: tuple[Camera, ...], execution: Execution, saliency: Saliency
-) -> _Looked:
+def _look(scene: Gaussians, cameras: tuple[Camera, ...], saliency: Saliency) -> _Looked:
     every = cameras_of(scene, cameras, VIEWS, SIDE)
     some = tuple(every[i].fitted(SIDE) for i in evenly_spaced(len(every), VIEWS))
     # with median depth, as every other render of the unedited scene: equal to the last bit
-    renders = [render(scene, camera, median_depth=True, execution=execution) for camera in some]
+    renders = [render(scene, camera, median_depth=True) for camera in some]
     maps = [saliency(each.color.clamp(0, 1)[None])[0] for each in renders]
-    surfaces = look(scene, every, execution)
+    surfaces = look(scene, every)
     return _Looked(
         some,
-        lift(scene, some, maps, execution),
+        lift(scene, some, maps),
         border_opacity([each.alpha for each in renders]),
         surfaces,
         segment_surfaces(surfaces),

@@ -25,7 +25,7 @@ from gsedit.views.place import Place, place_of
 from gsedit.views.shadows import casters, open_share, sky_directions
 from gsedit.views.surroundings import light_near
 from rasterizer.camera import Camera
-from rasterizer.numerics import AUTO, Execution, sh_to_color
+from rasterizer.numerics import sh_to_color
 from rasterizer.scene import Gaussians
 
 SKY_REACH = 0.5
@@ -64,17 +64,15 @@ class Surface:
         return sure * cosine + (1 - sure) / 4
 
 
-def surface_of(
-    scene: Gaussians, place: Place, cameras: Sequence[Camera], execution: Execution = AUTO
-) -> Surface:
+def surface_of(scene: Gaussians, place: Place, cameras: Sequence[Camera]) -> Surface:
     """Normals of Gaussians and how much of the sky each sees."""
-    normals = estimate_normals(scene, cameras, execution)
+    normals = estimate_normals(scene, cameras)
     unit = normals.directions.double()
     points = scene.means.detach().double()
     directions = sky_directions(place)
     occluders = casters(scene, place)
     reach = SKY_REACH * place.radius
-    seen = open_share(occluders, place, points, directions, execution, normals=unit, reach=reach)
+    seen = open_share(occluders, place, points, directions, normals=unit, reach=reach)
     near = torch.from_numpy(nearest(scene.means.detach().float().numpy())[1])
     return Surface(
         points, unit, normals.confidence.double(), near, directions, seen,
@@ -121,10 +119,7 @@ class Survey:
 
 @cached_per_scene
 def survey(
-    scene: Gaussians,
-    cameras: Sequence[Camera],
-    seen: Float[Tensor, " n"] | None = None,
-    execution: Execution = AUTO,
+    scene: Gaussians, cameras: Sequence[Camera], seen: Float[Tensor, " n"] | None = None
 ) -> Survey:
     """Survey a scene that is seen from cameras; `seen` says how much of their pictures each
     Gaussian fills (None: as its size is)."""
@@ -132,7 +127,7 @@ def survey(
     if seen is None:
         seen = visible_area(scene)
     place = place_of(scene, cameras, seen)
-    surface = surface_of(scene, place, cameras, execution)
+    surface = surface_of(scene, place, cameras)
     trust, sky = place.trust(surface.points), received(surface)
     colors = sh_to_color(scene.sh[:, 0]).numpy()
     seen = seen.double()

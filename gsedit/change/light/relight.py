@@ -31,7 +31,7 @@ from gsedit.views.shadows import (
     sun_directions,
 )
 from rasterizer.camera import Camera
-from rasterizer.numerics import AUTO, SH_DC, Execution, sh_to_color
+from rasterizer.numerics import AUTO, SH_DC, Execution, ruled, sh_to_color
 from rasterizer.scene import Gaussians
 
 
@@ -127,6 +127,7 @@ SHOULDER = 0.8
 """Display color above which a gain of light is compressed: a lit wall keeps its texture."""
 
 
+@ruled
 def relit(
     scene: Gaussians,
     setup: LightSetup,
@@ -140,20 +141,18 @@ def relit(
     `cameras` say where it is seen from, `seen` how much of their pictures each Gaussian fills
     (None: as its size is).
     """
-    found = survey(scene, cameras, seen, execution)
-    return only_inside(scene, relit_by(found, scene, setup, execution), inside)
+    found = survey(scene, cameras, seen)
+    return only_inside(scene, relit_by(found, scene, setup), inside)
 
 
-def relit_by(
-    found: Survey, scene: Gaussians, setup: LightSetup, execution: Execution = AUTO
-) -> Gaussians:
+def relit_by(found: Survey, scene: Gaussians, setup: LightSetup) -> Gaussians:
     """The scene that was surveyed, or one with other colors, in another light."""
     surface = found.surface
     present = surface.smoothed(found.light)[:, None]
-    outdoors = surface.smoothed(light_on(surface, setup, found.sky, execution))
+    outdoors = surface.smoothed(light_on(surface, setup, found.sky))
     lamps = torch.zeros_like(outdoors)
     for lamp in setup.lamps:
-        lamps = lamps + surface.smoothed(_lamplight(surface, lamp, execution))
+        lamps = lamps + surface.smoothed(_lamplight(surface, lamp))
     near = (found.trust * found.seen)[:, None]
     far = (near * outdoors / present).sum(0) / near.sum().clamp_min(1e-12)
     share = found.trust[:, None]
@@ -184,33 +183,33 @@ def patches_kept(
 
 
 def light_on(
-    surface: Surface, setup: LightSetup, sky: Float[Tensor, "n c"], execution: Execution = AUTO
+    surface: Surface, setup: LightSetup, sky: Float[Tensor, "n c"]
 ) -> Float[Tensor, "n 3"]:
     """Linear light of a setup's sky and sun on each Gaussian."""
     up, down = torch.tensor(setup.sky).double(), torch.tensor(setup.ground).double()
     total = sky[:, :-1].sum(1)[:, None] * up + sky[:, -1:] * down
     if setup.sun is not None:
-        total = total + _sunlight(surface, setup.sun, execution)
+        total = total + _sunlight(surface, setup.sun)
     return total
 
 
-def _sunlight(surface: Surface, sun: Sun, execution: Execution) -> Float[Tensor, "n 3"]:
+def _sunlight(surface: Surface, sun: Sun) -> Float[Tensor, "n 3"]:
     place = surface.place
     direction = place.direction(sun.azimuth, sun.elevation)
     shares = open_share(
-        surface.occluders, place, surface.points, sun_directions(direction, sun.blur), execution,
+        surface.occluders, place, surface.points, sun_directions(direction, sun.blur),
         normals=surface.normals, side=SHARP, reach=SUN_REACH * place.radius,
     )  # fmt: skip
     arrives = shares.mean(1) * surface.facing(direction)
     return sun.strength * arrives[:, None] * torch.tensor(sun.color).double()
 
 
-def _lamplight(surface: Surface, lamp: Lamp, execution: Execution) -> Float[Tensor, "n 3"]:
+def _lamplight(surface: Surface, lamp: Lamp) -> Float[Tensor, "n 3"]:
     place = surface.place
     direction = place.direction(lamp.azimuth, lamp.elevation)
     distance = lamp.distance * place.distance
     eye = place.center + distance * direction
-    seen = spot_map(surface.occluders, place, eye, lamp.cone, execution)
+    seen = spot_map(surface.occluders, place, eye, lamp.cone)
     points = surface.points + OFFSET_PIXELS * 2 * place.radius / SHARP * surface.normals
     to_lamp = eye - points
     away = to_lamp.norm(dim=-1).clamp_min(1e-9)

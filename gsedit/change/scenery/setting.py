@@ -23,7 +23,7 @@ from gsedit.toolkit.grade import GAMMA
 from gsedit.views.dataset import evenly_spaced
 from gsedit.views.noise import noise
 from rasterizer.camera import Camera
-from rasterizer.numerics import AUTO, Execution, sh_to_color
+from rasterizer.numerics import sh_to_color
 from rasterizer.scene import Gaussians
 
 GREEN_HUES = (92.0, 104.0, 165.0, 185.0)
@@ -61,7 +61,6 @@ class Setting:
     found: Survey
     cameras: Sequence[Camera] = ()
     """Cameras that pictures are taken from, which tell foliage; any size."""
-    execution: Execution = AUTO
 
     @cached_property
     def colors(self) -> Float[Tensor, "n 3"]:
@@ -103,9 +102,9 @@ class Setting:
         cameras = [self.cameras[i].fitted(FOLIAGE_PIXELS) for i in chosen]
         if not cameras:
             return step(own, *LEAFY) * (1 - self._stained)
-        pictures = [render_picture(self.scene, each, self.execution) for each in cameras]
+        pictures = [render_picture(self.scene, each) for each in cameras]
         maps = [greenness(picture.double().clamp(0, 1)).float() for picture in pictures]
-        seen = lift(self.scene, cameras, maps, self.execution)
+        seen = lift(self.scene, cameras, maps)
         green = torch.where(seen.weight > MIN_SEEN_PIXELS, seen.mean.double(), own)
         return step(self.found.surface.smoothed(green, 1), *LEAFY) * (1 - self._stained)
 

@@ -25,7 +25,7 @@ from gsedit.toolkit.grade import GAMMA
 from gsedit.views.surroundings import find_surroundings, prefiltered, reflected
 from rasterizer.camera import Camera
 from rasterizer.harmonics import basis
-from rasterizer.numerics import AUTO, Execution, sh_to_color
+from rasterizer.numerics import AUTO, Execution, ruled, sh_to_color
 from rasterizer.scene import Gaussians
 
 DEGREE = 2
@@ -66,7 +66,7 @@ def glossy(setting: Setting, after: Gaussians) -> Gaussians:
     near = (surface.points - place.center).norm(dim=-1) < 0.4 * place.distance
     if not len(rows) or not bool(near.any()):
         return after
-    maps = prefiltered(find_surroundings(setting.scene, near, place.up, setting.execution)).double()
+    maps = prefiltered(find_surroundings(setting.scene, near, place.up)).double()
     dim = _dimming(setting.scene, after, rows)
     standing = puddles(setting)[rows]
     rough = torch.lerp(
@@ -387,6 +387,7 @@ SCENERIES: dict[str, Scenery] = {
 """Weather and seasons by the names that `gsedit.words` gives them."""
 
 
+@ruled
 def in_scenery(
     scene: Gaussians,
     name: str,
@@ -402,12 +403,12 @@ def in_scenery(
     if name not in SCENERIES:
         raise UsageError(f"there is no scenery {name!r}: choose one of {', '.join(SCENERIES)}")
     scenery = SCENERIES[name]
-    found = survey(scene, cameras, seen, execution)
+    found = survey(scene, cameras, seen)
     after = scene
     for effect in scenery.effects:
-        after = effect(Setting(after, found, cameras, execution)).applied(after)
+        after = effect(Setting(after, found, cameras)).applied(after)
     if scenery.light is not None:
-        after = relit_by(found, after, scenery.light, execution)
+        after = relit_by(found, after, scenery.light)
     if scenery.sheen is not None:
-        after = scenery.sheen(Setting(scene, found, cameras, execution), after)
+        after = scenery.sheen(Setting(scene, found, cameras), after)
     return only_inside(scene, after, inside)

@@ -21,7 +21,7 @@ from gsedit.change.objects.growth.table import Growth, Site, Spots
 from gsedit.scene.neighbors import k_nearest
 from gsedit.views.orbit import perpendicular
 from gsedit.views.relief import Relief, without_specks
-from rasterizer.numerics import AUTO, Execution, color_to_sh
+from rasterizer.numerics import color_to_sh
 from rasterizer.project import rotation_matrices
 from rasterizer.render import backproject
 from rasterizer.scene import Gaussians, concatenate
@@ -270,14 +270,12 @@ NEAREST = 4
 """New Gaussians whose mean color one takes."""
 
 
-def buried(
-    scene: Gaussians, patch: Patch, hidden: Float[Tensor, "h w"], execution: Execution = AUTO
-) -> Float[Tensor, " n"]:
+def buried(scene: Gaussians, patch: Patch, hidden: Float[Tensor, "h w"]) -> Float[Tensor, " n"]:
     """Share, in [0, 1], that a layer covers of each Gaussian, from what it hides of each pixel."""
     relief, rows = patch.relief, patch.site.rows
     part = scene[rows]
     maps = torch.stack((hidden, torch.ones_like(hidden), torch.zeros_like(hidden)), -1)
-    covered, seen, _ = backproject(part, relief.camera, maps, execution=execution).double().T
+    covered, seen, _ = backproject(part, relief.camera, maps).double().T
     mean = covered / seen.clamp_min(1e-9)
     share = torch.zeros(len(scene), dtype=torch.float64)
     share[rows] = step(seen / _area(part, relief), *SEEN) * step(mean, *HIDDEN)

@@ -35,7 +35,7 @@ from gsedit.views.orbit import perpendicular
 from gsedit.views.relief import relief_of
 from gsedit.views.shadows import WIDE
 from rasterizer.camera import Camera
-from rasterizer.numerics import AUTO, Execution, color_to_sh, sh_to_color
+from rasterizer.numerics import AUTO, Execution, color_to_sh, ruled, sh_to_color
 from rasterizer.render import render
 from rasterizer.scene import Gaussians, concatenate
 
@@ -49,18 +49,16 @@ LEAST, MOST = 0.95, 1.25
 """Range of the factor: beyond it, something stands before them that is no haze."""
 
 
-def unveiled(
-    grown: Gaussians, new: Gaussians, cameras: Sequence[Camera], execution: Execution = AUTO
-) -> Gaussians:
+def unveiled(grown: Gaussians, new: Gaussians, cameras: Sequence[Camera]) -> Gaussians:
     """New Gaussians, the last of a grown scene, in colors that show as they are through what is
     before them: a factor a channel, the mean over the cameras."""
     marks = torch.arange(len(grown)) >= len(grown) - len(new)
     shown, wanted, count = torch.zeros(3).double(), torch.zeros(3).double(), 0
     for i in evenly_spaced(len(cameras), VIEWS):
         camera = cameras[i].fitted(VIEW_PIXELS)
-        whole = render(grown, camera, execution=execution).color
-        share = coverage(Region(marks), grown, camera, execution)
-        alone = render(new, camera, execution=execution)
+        whole = render(grown, camera).color
+        share = coverage(Region(marks), grown, camera)
+        alone = render(new, camera)
         told = (share > SEEN) & (alone.alpha > SOLID)
         color = (alone.color[told] / alone.alpha[told][:, None]).double()
         part = share[told][:, None] * color
@@ -97,6 +95,7 @@ SIDES = 0.3
 
 
 @torch.no_grad()
+@ruled
 def grow(
     scene: Gaussians,
     name: str,
@@ -113,15 +112,15 @@ def grow(
     """
     growth = growth_of(name, amount)
     check_finite(scene)
-    found = survey(scene, cameras, None, execution)
-    site = _site(scene, found, inside, cameras, execution)
-    patches = [] if site is None else _patches(scene, site, growth, amount, execution)
+    found = survey(scene, cameras, None)
+    site = _site(scene, found, inside, cameras)
+    patches = [] if site is None else _patches(scene, site, growth, amount)
     new = _made(scene, patches, growth, amount)
     if not len(new):
         raise UsageError(
             f"{name} lies nowhere: nothing inside {growth.requirement}; choose more of it"
         )
-    return _grown(scene, name, growth, patches, new, cameras, execution)
+    return _grown(scene, name, growth, patches, new, cameras)
 
 
 def _grown(
@@ -131,17 +130,16 @@ def _grown(
     patches: list[Patch],
     new: Gaussians,
     cameras: Sequence[Camera],
-    execution: Execution,
 ) -> Outcome:
     """The scene with what grew on it, and what that hides in its color."""
     before, new = scene.detach(), new.with_degree(scene.degree)
     share = torch.zeros(len(scene), dtype=torch.float64)
     if growth.hides:
         for patch in patches:
-            share = torch.maximum(share, buried(scene, patch, hidden(patch, growth), execution))
+            share = torch.maximum(share, buried(scene, patch, hidden(patch, growth)))
     grown = concatenate(in_colors_of(before, share, new), new)
     if growth.hides:
-        cleared = unveiled(grown, new, cameras, execution)
+        cleared = unveiled(grown, new, cameras)
         grown = concatenate(in_colors_of(before, share, cleared), cleared)
     origin = torch.cat((torch.arange(len(scene)), torch.full((len(new),), NEW)))
     changed = torch.cat((share > 0, torch.ones(len(new), dtype=torch.bool)))
@@ -162,11 +160,7 @@ def _made(scene: Gaussians, patches: list[Patch], growth: Growth, amount: float)
 
 
 def _site(
-    scene: Gaussians,
-    found: Survey,
-    inside: Bool[Tensor, " n"] | None,
-    cameras: Sequence[Camera],
-    execution: Execution,
+    scene: Gaussians, found: Survey, inside: Bool[Tensor, " n"] | None, cameras: Sequence[Camera]
 ) -> Site | None:
     """The opaque, small Gaussians inside that are near and not above all cameras; None if fewer
     than four are."""
@@ -183,28 +177,21 @@ def _site(
         return None
     low, high = ends(points[rows], TAIL)
     size = min(float((high - low).norm()), place.distance)
-    setting = Setting(scene, found, cameras, execution)
-    sun = _sun(scene, inside, place.up, execution)
-    return Site(setting, rows, max(size, 1e-9), sun, execution)
+    setting = Setting(scene, found, cameras)
+    sun = _sun(scene, inside, place.up)
+    return Site(setting, rows, max(size, 1e-9), sun)
 
 
-def _sun(
-    scene: Gaussians,
-    inside: Bool[Tensor, " n"] | None,
-    up: Float[Tensor, "3"],
-    execution: Execution,
-) -> Sun | None:
+def _sun(scene: Gaussians, inside: Bool[Tensor, " n"] | None, up: Float[Tensor, "3"]) -> Sun | None:
     """The sun that casts the shadows around what is inside; None where it is all, or none is
     clear."""
     if inside is None or bool(inside.all()):
         return None
-    stance = stance_of(scene[inside], scene[~inside], up, execution)
-    return sun_of(scene, stance, execution)
+    stance = stance_of(scene[inside], scene[~inside], up)
+    return sun_of(scene, stance)
 
 
-def _patches(
-    scene: Gaussians, site: Site, growth: Growth, amount: float, execution: Execution
-) -> list[Patch]:
+def _patches(scene: Gaussians, site: Site, growth: Growth, amount: float) -> list[Patch]:
     """Patches of a growth on the site; as fine as the number of Gaussians allows."""
     axes = _axes(site, growth)
     pixel = max(
@@ -215,9 +202,7 @@ def _patches(
     sides = (points.amax(0) - points.amin(0)).sort().values[1:]
     pixel = max(pixel, sqrt(float(sides.prod()) / MOST_PIXELS))
     while True:
-        patches = [
-            _patch(scene, site, growth, amount, pixel, axes, i, execution) for i in range(len(axes))
-        ]
+        patches = [_patch(scene, site, growth, amount, pixel, axes, i) for i in range(len(axes))]
         patches = [patch for patch in patches if bool(patch.lies.any())]
         count = growth.each * sum(int(patch.lies.sum()) for patch in patches)
         if count <= MOST_NEW:
@@ -244,10 +229,9 @@ def _patch(
     pixel: float,
     axes: Float[Tensor, "a 3"],
     which: int,
-    execution: Execution,
 ) -> Patch:
     """The patch of a growth on what is seen along one of the axes, and faces that axis most."""
-    relief = relief_of(scene[site.rows], axes[which], pixel, execution).smoothed(growth.smooth)
+    relief = relief_of(scene[site.rows], axes[which], pixel).smoothed(growth.smooth)
     normals = relief.normals()
     own = (normals @ axes.T).argmax(-1) == which
     spots = site.spots(relief.points[relief.there], normals[relief.there])

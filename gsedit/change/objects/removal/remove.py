@@ -42,7 +42,7 @@ from gsedit.views.dataset import evenly_spaced
 from gsedit.views.normals import shortest_axes
 from gsedit.views.paths import up_of
 from rasterizer.camera import Camera
-from rasterizer.numerics import AUTO, SH_DC, Execution, sh_to_color
+from rasterizer.numerics import AUTO, SH_DC, Execution, ruled, sh_to_color
 from rasterizer.project import rotation_matrices
 from rasterizer.scene import Gaussians, concatenate
 
@@ -68,6 +68,7 @@ MOST_GAPS = 3
 
 @cached_per_scene
 @torch.no_grad()
+@ruled
 def remove(
     scene: Gaussians,
     inside: Bool[Tensor, " n"],
@@ -86,58 +87,54 @@ def remove(
     """
     _check(scene, inside)
     inside = torch.from_numpy(tidied(scene.means.numpy(), inside.numpy()))
-    cameras = cameras_of(scene, cameras, execution=execution)
+    cameras = cameras_of(scene, cameras)
     most = VIEWS if len(scene) < LARGE else FEW_VIEWS
     asked = [cameras[i].fitted(VIEW_PIXELS) for i in evenly_spaced(len(cameras), most)]
-    sights, seen = look(scene, inside, asked, execution)
+    sights, seen = look(scene, inside, asked)
     if not sights:
         raise UsageError(
             "no camera sees what is selected: give cameras that do, or leave it out with "
             "'gsedit filter'"
         )
     thing = _object(scene, inside, cameras)
-    kept, planes = _without(scene, inside, thing.extent, sights, seen, execution)
+    kept, planes = _without(scene, inside, thing.extent, sights, seen)
     left = _Left(scene, kept, torch.zeros(len(kept), dtype=torch.bool), scene[kept], [], 0)
-    bare = look_again(left.scene, sights, execution)
-    left, views = _planes_filled(left, planes, thing, bare, execution)
-    left, views = _gaps_filled(left, views, execution)
+    bare = look_again(left.scene, sights)
+    left, views = _planes_filled(left, planes, thing, bare)
+    left, views = _gaps_filled(left, views)
     firm = scene.means[left.rows][left.rest.opacities > FIRM].numpy()
     resting = int(resting_on(thing.points, firm, up_of(cameras).double().numpy()).sum())
     return left.outcome(_notes(inside, left, len(sights), guessed(bare, views), resting))
 
 
 def _planes_filled(
-    left: _Left,
-    planes: Sequence[Plane],
-    thing: Object,
-    views: Views,
-    execution: Execution,
+    left: _Left, planes: Sequence[Plane], thing: Object, views: Views
 ) -> tuple[_Left, Views]:
     """Fill the holes of planes and take the object's shadow off them, one after the other."""
     for plane in planes:
         others = [other for other in planes if other is not plane]
-        sheet = find_sheet(left.rest, plane, others, thing, views, execution)
+        sheet = find_sheet(left.rest, plane, others, thing, views)
         if sheet is None:
             continue
         left, sheet = _lit(left, sheet, plane, thing.extent)
         left = left.without(_in_hole(left.rest, sheet, plane))
         made, textured = filled(left.rest, sheet, plane)
         left = left.plus(made, textured)
-        views = look_again(left.scene, views.sights, execution)
+        views = look_again(left.scene, views.sights)
     return left, views
 
 
-def _gaps_filled(left: _Left, views: Views, execution: Execution) -> tuple[_Left, Views]:
+def _gaps_filled(left: _Left, views: Views) -> tuple[_Left, Views]:
     """Continue what lies on no plane in those views that show the largest holes."""
     for _ in range(MOST_GAPS):
         gap = find_gap(views)
         if gap is None:
             break
-        made, textured = backdrop(left.scene, *gap, views.sights, execution)
+        made, textured = backdrop(left.scene, *gap, views.sights)
         if not len(made):
             break
         left = left.plus(made, textured)
-        views = look_again(left.scene, views.sights, execution)
+        views = look_again(left.scene, views.sights)
     return left, views
 
 
@@ -225,13 +222,12 @@ def _without(
     extent: float,
     sights: Sequence[Sight],
     seen: Float[Tensor, " n"],
-    execution: Execution,
 ) -> tuple[Int[Tensor, " k"], tuple[Plane, ...]]:
     """Rows of what stays, and the planes around the object."""
     points, removed = scene.means.numpy(), inside.numpy()
     rest = (~inside).nonzero().squeeze(1)
     kept = scene[rest]
-    now = contributions_of(kept, sights, execution).numpy()
+    now = contributions_of(kept, sights).numpy()
     weights = np.zeros(len(scene))
     weights[rest.numpy()] = now[2]
     eye = np.mean([sight.camera.center.double().numpy() for sight in sights], 0)
