@@ -18,6 +18,7 @@ from gsedit.views.orbit import perpendicular
 from gsedit.views.place import Place
 from gsedit.views.relief import Relief
 from gsedit.views.shadows import parallel_map
+from rasterizer.project import rotation_matrices
 from rasterizer.scene import Gaussians
 
 CELLS = 192
@@ -64,49 +65,25 @@ def _lift(scene: Gaussians, seen: Relief, radius: float) -> float:
     return SEEN_ABOVE * min(float(typical), MOST_ABOVE * radius)
 
 
-OUTLINE_CELLS = 384
-"""Cells along the side of a picture of an outline: half of one is less than 0.2 % of the object."""
-SIDES = 4
-"""Directions from which an outline is looked at."""
-LOWEST, HIGHEST = 0.02, 0.995
-"""Ranks among the columns of outlines at which an object begins and ends."""
-PAST = 0.4
-"""Height of an outline over the edge of what discs cover, in their median standard deviation."""
+DRAWN = 1.5
+"""Standard deviations to which a Gaussian's part in the outline of an object reaches."""
 
 
 def reach(body: Gaussians, up: Float[Tensor, "3"]) -> tuple[float, float]:
-    """The heights at which what is seen of an object from its sides begins and ends.
-
-    An outline is where its opacity is one half: haze around an object does not count.
-    """
-    points = body.means.double()
-    middle = (points.amin(0) + points.amax(0)) / 2
-    radius = 1.1 * float((points - middle).norm(dim=-1).amax()) + 1e-9
-    wide = body.log_scales.sort(-1).values[:, 1]
-    shown = torch.cat(_outlines(body, middle, radius, up), 1)
-    shown = shown[:, shown.any(0)]
-    if not shown.shape[1]:  # haze only
-        heights = points @ up
-        return float(heights.amin()), float(heights.amax())
-    rows = torch.arange(OUTLINE_CELLS, dtype=torch.float64)[:, None]
-    last = torch.where(shown, rows + 1, -torch.inf).amax(0).quantile(1 - LOWEST)
-    first = torch.where(shown, rows, torch.inf).amin(0).quantile(1 - HIGHEST)
-    top, cell = float(middle @ up) + radius, 2 * radius / OUTLINE_CELLS
-    edge = PAST * min(float(wide.median().exp()), MOST_ABOVE * radius)
-    return top - cell * float(last) + edge, top - cell * float(first) - edge
+    """The heights at which what is seen of an object begins and ends; without haze and strays."""
+    body = body[_solid(body)]
+    axes = rotation_matrices(body.quats.double()).mT @ up
+    drawn = DRAWN * (axes * body.scales.double()).norm(dim=-1)
+    heights = body.means.double() @ up
+    return float(extents((heights - drawn)[:, None])[0]), float(
+        extents((heights + drawn)[:, None])[1]
+    )
 
 
-def _outlines(
-    body: Gaussians, middle: Float[Tensor, "3"], radius: float, up: Float[Tensor, "3"]
-) -> list[Bool[Tensor, "h w"]]:
-    """Flags of the pixels that show an object from each of SIDES; rows go down."""
-    side = perpendicular(up)
-    across = torch.linalg.cross(up, side)
-    place = Place(middle, up, side, 2 * radius, radius)
-    angles = torch.arange(SIDES, dtype=torch.float64) * (torch.pi / SIDES)
-    views = (each.cos() * side + each.sin() * across for each in angles)
-    drawn = (parallel_map(body, place, view, OUTLINE_CELLS) for view in views)
-    return [each.depth.isfinite() for each in drawn]
+def _solid(body: Gaussians) -> Bool[Tensor, " n"]:
+    """Flag what is no haze; all where all is."""
+    solid = body.opacities > SOLID
+    return solid if bool(solid.any()) else torch.ones_like(solid)
 
 
 MOST_POINTS = 8000
@@ -147,8 +124,7 @@ def middle_of(body: Gaussians, up: Float[Tensor, "3"]) -> Float[Tensor, "3"]:
 
     Sides that nobody saw have no Gaussians, and do not draw it away.
     """
-    solid = body.opacities > SOLID
-    points = body.means[solid if bool(solid.any()) else torch.ones_like(solid)].double()
+    points = body.means[_solid(body)].double()
     rise = points @ up
     low, high = extents(rise[:, None])[:, 0]
     side = perpendicular(up)
