@@ -26,7 +26,7 @@ from gsedit.errors import GseditError, Said, UsageError
 from gsedit.formats.flags import read_flags
 from gsedit.run.atomic import atomic_path
 from gsedit.run.state import digest_of
-from gsedit.scene.merging.groups import MergedScene
+from gsedit.scene.merging import MergedScene
 from gsedit.scene.table import table_of
 from gsedit.select.click import Click, Selector
 from gsedit.select.masked import MaskProvider, read_masks

@@ -24,13 +24,38 @@ from gsedit.run.environment import load_extra
 from gsedit.run.inputs import existing_file
 from gsedit.scene.color_space import lab_of_srgb, srgb_of_hex
 from gsedit.scene.neighbors import k_nearest, linked
-from gsedit.scene.shapes import Bool, Float32, Float64, Int
+from gsedit.scene.shapes import Bool, Float, Float32, Float64, Int
 from gsedit.scene.table import SplatTable, gaussians_of
-from gsedit.scene.volumes import inside_ball, inside_box, squared_norm
 
 if TYPE_CHECKING:
     from gsedit.views.dataset import View
     from gsedit.views.viewpoints import Viewpoint
+
+
+def inside_box(
+    points: Float[np.ndarray, "n 3"], low: Sequence[float], high: Sequence[float]
+) -> Bool[np.ndarray, " n"]:
+    """Flag the points between two corners; a side is open where a corner is infinite."""
+    inside = np.ones(len(points), bool)
+    for axis in range(3):
+        if low[axis] > -inf:
+            inside &= points[:, axis] >= low[axis]
+        if high[axis] < inf:
+            inside &= points[:, axis] <= high[axis]
+    return inside
+
+
+def inside_ball(
+    points: Float[np.ndarray, "n 3"], center: Sequence[float], radius: float
+) -> Bool[np.ndarray, " n"]:
+    """Flag the points at most `radius` from the center."""
+    return squared_norm(points - np.array(center, np.float32)) <= np.square(np.float64(radius))
+
+
+def squared_norm(vectors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
+    """Squared lengths; infinite where they leave the float type."""
+    return np.einsum("ij,ij->i", vectors, vectors)
+
 
 QUIET = np.errstate(over="ignore", invalid="ignore", divide="ignore")
 """For masks that compute: a damaged row is not selected, and no reason for a warning."""

@@ -19,7 +19,7 @@ from scipy.sparse.linalg import cg
 from torch import Tensor
 
 from gsedit.scene.cache import cached_per_scene
-from gsedit.scene.merging.groups import MAX_GAUSSIANS, MergedScene, coarsen
+from gsedit.scene.merging import MAX_GAUSSIANS, MergedScene, coarsen
 from gsedit.scene.neighbors import k_nearest
 from gsedit.views.around import cameras_of
 from gsedit.views.dataset import evenly_spaced

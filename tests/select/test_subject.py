@@ -13,8 +13,7 @@ from regions_iou import iou
 
 from gsedit.errors import InputError
 from gsedit.select.region import Region, coverage, lift
-from gsedit.select.saliency import SIDE, load_network, salient
-from gsedit.select.subject import block_under, find_subject
+from gsedit.select.subject import SIDE, block_under, find_subject, load_network, salient
 from gsedit.select.surfaces import look
 from gsedit.views.orbit import circle
 

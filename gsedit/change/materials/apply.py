@@ -17,13 +17,14 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from gsedit.change.materials.patterns import Ground, coverage
 from gsedit.change.materials.shading import (
     RAYS,
+    Ground,
     Lighting,
     Skin,
     arriving,
     body,
+    coverage,
     everywhere,
     lighting,
     outgoing,

@@ -23,13 +23,12 @@ from gsedit.measures.features import FeatureExtractor, FilterBank
 from gsedit.measures.losses import gram, mse
 from gsedit.run.step_threads import StepThreads
 from gsedit.scene.color_space import LUMINANCE
-from gsedit.scene.merging.groups import coarsen
+from gsedit.scene.merging import coarsen
 from gsedit.scene.picture import render_picture
 from gsedit.scene.table import gaussians_of, table_of
 from gsedit.select.region import Region, coverage
 from gsedit.toolkit.color_maps import as_table
-from gsedit.toolkit.palette import color_transport, sliced_distance
-from gsedit.toolkit.recolor import recolored
+from gsedit.toolkit.recolor import color_transport, recolored, sliced_distance
 from gsedit.views.dataset import View
 from gsedit.views.image_ops import downscale
 from rasterizer.camera import Camera

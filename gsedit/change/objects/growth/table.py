@@ -14,10 +14,9 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from gsedit.change.light.present import Surface, received
-from gsedit.change.light.relight import step
+from gsedit.change.light.relight import Surface, received, step
 from gsedit.change.objects.placing.daylight import Sun, shadow_of
-from gsedit.change.scenery.setting import Setting
+from gsedit.change.scenery.table import Setting
 from gsedit.errors import UsageError
 from gsedit.scene.color_space import LUMINANCE
 from gsedit.scene.neighbors import k_nearest

@@ -13,11 +13,11 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from gsedit.change.light.present import SKY_REACH
+from gsedit.change.light.relight import SKY_REACH
 from gsedit.change.objects.placing.stance import Stance
 from gsedit.scene.cache import cached_per_scene
 from gsedit.scene.color_space import LUMINANCE
-from gsedit.scene.merging.groups import coarsen
+from gsedit.scene.merging import coarsen
 from gsedit.scene.neighbors import nearest
 from gsedit.scene.outcome import Outcome
 from gsedit.scene.quaternions import even_directions
