@@ -43,7 +43,7 @@ from gsedit.run.state import State, load_state, save_state
 from gsedit.scene.similarity import Similarity
 from gsedit.scene.table import SplatTable
 from gsedit.select.saved import read_named, save_named
-from gsedit.toolkit.similarity_files import read_similarity, write_similarity
+from gsedit.toolkit.transform import read_similarity, write_similarity
 from gsedit.views.cameras_json import read_cameras, write_cameras
 from gsedit.views.export_frame import applied_by
 from gsedit.views.view_list_files import by_capture, read_view_list, write_view_list

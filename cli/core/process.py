@@ -113,7 +113,7 @@ def companions(path: Path, output: Output, operations: list[Any]) -> Callable[[]
 
     def write() -> None:
         for each in saving:
-            from gsedit.toolkit.similarity_files import write_similarity
+            from gsedit.toolkit.transform import write_similarity
 
             write_similarity(each.moved, each.save, overwrite=output.force)
             print_message(f"the similarity: {each.save}")

@@ -100,7 +100,7 @@ def show_summary(scene: Path, source: SceneSource) -> None:
 
 def check_scene(scene: Path, source: SceneSource, checks: InfoOptions) -> None:
     """Print the defects of a scene. Exits with 1 where rows are invalid, or for any if strict."""
-    from gsedit.toolkit.check import check, defect_record, defect_table
+    from gsedit.toolkit.defects import check, defect_record, defect_table
 
     for note in source.notes:
         print_message(f"{scene}: {note}")
