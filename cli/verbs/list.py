@@ -1,17 +1,22 @@
-"""`gsedit list`: 2D editors, masks, presets, looks that can be asked for, and all settings."""
+"""`gsedit list`: 2D editors, masks, presets, looks, painting styles, and all settings."""
 
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass
 from functools import reduce
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 from gsedit.errors import UsageError
 
-from ..core.command import argument, settings_of
+from ..core.command import argument, option, settings_of
 from ..core.console import as_json, print_message, print_result
+from ..core.outputs import check_file
+from ..options.cameras import ViewOptions, resolve_cameras
+from ..options.common import Writes, first_scene, load_scene
 
 if TYPE_CHECKING:
     from gsedit.paper.editors import Listing
@@ -19,11 +24,12 @@ if TYPE_CHECKING:
 
 
 What = Annotated[
-    Literal["editors", "masks", "presets", "looks", "settings"],
+    Literal["editors", "masks", "presets", "looks", "styles", "settings"],
     argument(
-        "editors|masks|presets|looks|settings",
+        "editors|masks|presets|looks|styles|settings",
         "editors: the 2D editors and what each needs. masks: what finds a phrase in pictures. "
         "presets: what gsedit edit --preset sets. looks: materials, lights, weather and styles. "
+        "styles: the painting styles, and what asks for them. "
         "settings: what --set NAME=VALUE accepts.",
     ),
 ]
@@ -31,13 +37,22 @@ Name = Annotated[
     str | None,
     argument(
         "NAME",
-        "looks: a sentence, to see what it asks for. settings: a verb, as edit or fit.",
+        "looks: a sentence, to see what it asks for. styles: a scene, to see them on it. "
+        "settings: a verb, as edit or fit.",
     ),
 ]
 
 
-def list_(ctx: typer.Context, what: What, name: Name = None) -> None:
-    """List the 2D editors, masks, presets, looks or settings.
+@dataclass(frozen=True)
+class ListOptions(Writes):
+    """The picture that shows styles."""
+
+    out: Path | None = option(None, "PNG", flags="--output -o")
+    """styles with a scene: picture to write, one view of the scene in every style."""
+
+
+def list_(ctx: typer.Context, what: What, name: Name = None, *, own: ListOptions) -> None:
+    """List the 2D editors, masks, presets, looks, styles or settings.
 
     gsedit list editors
 
@@ -47,13 +62,19 @@ def list_(ctx: typer.Context, what: What, name: Name = None) -> None:
 
     gsedit list looks "as if it had spent a century under the sea"
 
+    gsedit list styles scene.ply -o styles.png
+
     gsedit list settings edit
     """
+    if own.out is not None and (what != "styles" or name is None):
+        raise UsageError("-o is for the styles of a scene: gsedit list styles SCENE -o styles.png")
     nameless = {"editors": list_editors, "masks": list_masks, "presets": list_presets}
     if what in nameless:
         if name is not None:
             raise UsageError(f"{name}: list {what} takes no name")
         nameless[what]()
+    elif what == "styles":
+        list_styles(None if name is None else first_scene(Path(name)), own)
     elif what == "settings":
         list_settings(ctx.find_root().command, name or "edit")
     elif name is not None:
@@ -147,6 +168,39 @@ def explain_sentence(sentence: str) -> None:
     read = read_instruction(sentence)
     text = "\n".join(map(str, read.changes)) if read.known else f"refused: {read.why}"
     print_result(json.loads(read.as_json()), text)
+
+
+def list_styles(scene: Path | None, own: ListOptions) -> None:
+    """Print every painting style and what asks for it, or paint a view of a scene in each.
+
+    Raises UsageError where only one of the scene and the picture is named.
+    """
+    if scene is not None:
+        return show_styles(scene, own)
+    from gsedit.words.lexicon import STYLES, rows_of
+
+    for kind, value, phrases in rows_of(STYLES):
+        if kind == "style":
+            name = value.rpartition(" ")[0]
+            print_result({"name": name, "words": phrases}, f"{name}\n    {', '.join(phrases)}")
+    if not as_json.get():
+        print_message("see them on a scene: gsedit list styles SCENE -o styles.png")
+
+
+def show_styles(scene: Path, own: ListOptions) -> None:
+    """Write a sheet of the painting styles on a view of a scene."""
+    from gsedit.formats.pictures import save_picture
+    from gsedit.paper.editors.painter.style_sheet import CELL, style_sheet
+
+    if own.out is None:
+        raise UsageError(
+            f"name the picture of the styles: gsedit list styles {scene} -o styles.png"
+        )
+    check_file(own.out, own.force, ".png")
+    gaussians = load_scene(scene, drop_invalid=False)
+    found = resolve_cameras(scene, gaussians, ViewOptions(size=CELL))
+    save_picture(style_sheet(gaussians, found.viewpoints), own.out, overwrite=own.force)
+    print_result({"scene": scene, "output": own.out}, str(own.out))
 
 
 def list_settings(program: Any, verb: str) -> None:

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import repeat
 from typing import Protocol, runtime_checkable
 
 import torch
+from jaxtyping import Float
+from torch import Tensor
 
 from gsedit.capture.fitting.crops import ListedCrops
 from gsedit.capture.fitting.random_crops import crops_needed
-from gsedit.capture.fitting.solve import solve_colors
+from gsedit.capture.fitting.solve import BAND_PENALTY, solve_colors
+from gsedit.capture.fitting.strokes import BAND_PENALTY as STROKE_BAND_PENALTY
+from gsedit.capture.fitting.strokes import leading_shares, leading_views, stroke_steps
 from gsedit.capture.fitting.update import Target, update_steps
 from gsedit.errors import InputError
 from gsedit.paper.edit_views import edit_views
@@ -20,6 +24,7 @@ from gsedit.paper.session import Session, preview, region_masks, seen_gaussians
 from gsedit.paper.unedited import render_with_depth
 from gsedit.run.events import Event
 from gsedit.views.dataset import View
+from rasterizer.scene import Gaussians
 
 MEASURE_EVERY_STEPS = 50
 """Optimizer steps between two measurements of the scene: each renders three views."""
@@ -171,18 +176,57 @@ class Solve:
             optimizer.raise_negative_colors(inside)
             start, views = optimizer.scene.detach(), list(targets.values())
             pictures = None if request.coarse is None else [preview(session, i) for i in targets]
-            execution = request.settings.execution
+            shares = _leading_shares(session, start, targets) if request.keeps_strokes else None
             solved = list(
-                solve_colors(start, views, inside, pictures=pictures, execution=execution)
-            )
-            progress.work.steps += len(solved)
+                solve_colors(
+                    start, views, inside, pictures=pictures, shares=shares,
+                    band_penalty=BAND_PENALTY if shares is None else STROKE_BAND_PENALTY,
+                    execution=request.settings.execution,
+                )
+            )  # fmt: skip
             if solved:
-                every = torch.ones(len(start), dtype=torch.bool)
                 progress.work.followed = solved[-1].followed
                 progress.work.map_error = solved[-1].map_error
-                optimizer.replace(solved[-1].scene, torch.arange(len(start)), fresh=every)
+                _take(session, solved[-1].scene, len(solved))
             loss = solved[-1].mse if solved else None
             yield measure_progress(session, self.step, self.total, loss)
+            if shares is not None:
+                yield from _keep_strokes(session, targets, shares)
+
+
+def _take(session: Session, scene: Gaussians, steps: int) -> None:
+    """Make this the session's scene, after so many steps."""
+    every = torch.ones(len(scene), dtype=torch.bool)
+    session.progress.work.steps += steps
+    session.progress.optimizer.replace(scene, torch.arange(len(scene)), fresh=every)
+
+
+def _leading_shares(
+    session: Session, scene: Gaussians, targets: Mapping[int, View]
+) -> list[Float[Tensor, "h w"]]:
+    """Weights of the targets' pixels, by the view that sees the place of a Gaussian best."""
+    leading = leading_views(session.weights[list(targets)], scene.means)
+    cameras = [view.camera for view in targets.values()]
+    return leading_shares(scene, cameras, leading, session.request.settings.execution)
+
+
+def _keep_strokes(
+    session: Session, targets: Mapping[int, View], shares: Sequence[Float[Tensor, "h w"]]
+) -> Iterator[Event]:
+    """Descend the loss of the paper from the solved scene; yields events."""
+    request, stopwatch = session.request, session.progress.stopwatch
+    total = request.settings.update.strokes
+    found = stroke_steps(
+        session.scene, list(targets.values()), session.region.inside, total, request.features,
+        request.generator, pictures=[preview(session, i) for i in targets], shares=shares,
+        execution=request.settings.execution,
+    )  # fmt: skip
+    for step, item in enumerate(found, start=1):
+        if isinstance(item, Gaussians):
+            _take(session, item, total)
+        elif step % REPORT_EVERY_STEPS == 0:
+            yield Event("strokes", stopwatch.seconds, step, total, item)
+    yield measure_progress(session, total, total, None)
 
 
 def fit_round(session: Session, steps: int, *, done: int, total: int) -> Iterator[Action]:

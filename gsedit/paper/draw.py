@@ -169,7 +169,12 @@ def _session(
     request, plan, weights = yield from survey_views(request, stopwatch, plan)
     unedited = UneditedRenders(request)
     progress = start_progress(request, unedited, stopwatch, noise_seed)
-    return Session(request, plan, weights, bands, unedited, progress)
+    editor, prepare = request.editor, request.editor.capabilities.with_views
+    if prepare is not None:
+        with stopwatch.stage("sample"):
+            shown = torch.stack([unedited.edit_condition(i) for i in plan.views])
+            editor = prepare(request.prompt, shown)
+    return Session(request, plan, weights, bands, unedited, progress, editor)
 
 
 def run_schedule(session: Session) -> Iterator[Event | Checkpoint]:

@@ -15,7 +15,7 @@ from gsedit.paper.consistency.correspond import Correspondences, correspond
 from gsedit.paper.consistency.harmonise import Surface, harmonise_by_depth
 from gsedit.paper.diffusion.settings import SamplerSettings
 from gsedit.paper.guided import carry_change
-from gsedit.paper.protocol import EditBatch
+from gsedit.paper.protocol import EditBatch, Editor
 from gsedit.paper.session import Session, preview
 from gsedit.paper.unedited import UneditedRenders
 from gsedit.paper.view_plan import view_overlap
@@ -119,14 +119,17 @@ def edit_views(
     settings = session.request.settings
     sampler, anchors = sampler or settings.sampler, settings.anchors
     edited, stopwatch = session.progress.edited, session.progress.stopwatch
-    tied = choose_anchors(session.weights, batch, tuple(edited.targets))[:anchors]
+    tied, matches = (), None
+    if session.editor.capabilities.matches:
+        tied = choose_anchors(session.weights, batch, tuple(edited.targets))[:anchors]
+        with stopwatch.stage("correspond"):
+            matches = match_views(session, (*batch, *tied))
+        names = [session.request.every_view[i].name for i in (*batch, *tied)]
+        pairs = _named_pairs(matches, names)
+        edited.pairs += pairs
+        note = _describe(matches, [share for *_, share in pairs])
+        yield Event("correspond", stopwatch.seconds, step, steps, note=note)
     members = (*batch, *tied)
-    with stopwatch.stage("correspond"):
-        matches = match_views(session, members)
-    pairs = _named_pairs(matches, [session.request.every_view[i].name for i in members])
-    edited.pairs += pairs
-    note = _describe(matches, [share for *_, share in pairs])
-    yield Event("correspond", stopwatch.seconds, step, steps, note=note)
     with stopwatch.stage("sample"):
         images = yield from sample_views(session, members, tied, matches, sampler)
     yield from _accept(session, dict(zip(batch, images)), step, steps)
@@ -177,18 +180,20 @@ def sample_views(
     sampler: SamplerSettings,
     start: Mapping[int, Float[Tensor, "h w 3"]] | None = None,
     stage: str = "sample",
+    editor: Editor | None = None,
 ) -> Generator[Event, None, list[Float[Tensor, "h w 3"]]]:
     """Ask the 2D editor for pictures of `members` but `anchors`, which stay as they were edited.
 
     Without `matches` every view is edited on its own. Sampling begins at `start`, or where the
     scene is now. Everything that a target goes through belongs here: held-out views are asked for
-    in the same way. Views are edited at the editor's size, and their change is carried to their
-    own. Yields events of the `stage`; returns pictures in [0, 1].
+    in the same way, by the session's `editor` or another. Views are edited at the editor's size,
+    and their change is carried to their own. Yields events of the `stage`; returns pictures in
+    [0, 1].
     """
-    request, progress = session.request, session.progress
+    request, progress, editor = session.request, session.progress, editor or session.editor
     batch = batch_of(session, members, anchors, matches, start)
     images, evaluations = None, 0
-    for each in request.editor.edit(batch, sampler, request.generator):
+    for each in editor.edit(batch, sampler, request.generator):
         seconds = progress.stopwatch.seconds
         yield Event(stage, seconds, each.step, each.steps)
         images, evaluations = each.images, each.evaluations

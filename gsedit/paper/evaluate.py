@@ -163,5 +163,6 @@ def _edit_alone(
         return {}
     start = {i: session.unedited.picture(i) for i in views}
     sampler = session.request.settings.sampler
-    images = yield from sample_views(session, views, (), None, sampler, start, MEASURE)
+    editor = session.request.editor  # nothing that it takes from the planned views
+    images = yield from sample_views(session, views, (), None, sampler, start, MEASURE, editor)
     return {i: session.within_region(i, image) for i, image in zip(views, images)}

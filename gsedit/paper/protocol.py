@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from gsedit.errors import UsageError
+from gsedit.paper.consistency.consensus import consensus
 from gsedit.paper.consistency.correspond import Correspondences
 from gsedit.paper.diffusion.guidance import Predictor
 from gsedit.paper.diffusion.sampler import levels_of
@@ -43,6 +44,16 @@ class EditBatch:
     noise in all of them."""
     subject: Float[Tensor, "v h w"] | None = None
     """The probability that a pixel shows what is to be edited. None: the editor decides."""
+
+    def agreed(
+        self, cells: Float[Tensor, "v c y x"], strength: float = 1.0
+    ) -> Float[Tensor, "v c y x"]:
+        """Values of cells, brought to their mean where views show the same place: those of anchored
+        views, which stay. `strength` as in `consensus`."""
+        if self.correspondences is None:
+            return cells
+        labels = self.correspondences.labels
+        return consensus(cells, labels, anchored=self.anchored, strength=strength)
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,6 +111,8 @@ class Capabilities:
     best_size: int | None = None
     """Longer side, pixels, of the pictures that it edits best: larger views are edited at this size
     and the change is carried up. None: any size."""
+    batches: int = 4
+    """Most batches of views, where the settings leave it open."""
     enlarges: bool = False
     """Whether smaller views are edited at `best_size` too, and the change is carried down: for
     networks that draw something else at a size that they were not trained at."""
@@ -126,6 +139,14 @@ class Capabilities:
     measure: Callable[[EditBatch, SamplerSettings], Cost] | None = None
     """Measure what a view costs, by one evaluation for a batch. None where that is little, or
     unknown."""
+    draws: bool = False
+    """Whether its pictures hold strokes, which no two views place alike: the scene then follows
+    one view where that leads, and the style of the pictures (gsedit.capture.fitting.strokes)."""
+    matches: bool = True
+    """Whether it uses correspondences: without, views are not matched, nor brought to agreement."""
+    with_views: Callable[[str, Float[Tensor, "v h w 3"]], Editor] | None = None
+    """(prompt, unedited pictures of all planned views) -> this editor, with what it takes from them
+    together and keeps for every later view. None where it takes nothing."""
     with_ranks: Callable[[Ranks], Editor] | None = None
     """Make this editor with its views shared out over several processes. None where that is not
     possible: then rank 0 edits, and the others receive the pictures."""

@@ -125,6 +125,13 @@ class Request:
         return self.settings.solves and fits_pictures(self.strategy)
 
     @property
+    def keeps_strokes(self) -> bool:
+        """Whether the scene is fitted to the strokes of a view where that leads, see
+        gsedit.capture.fitting.strokes."""
+        draws = self.editor.capabilities.draws
+        return self.solves and draws and self.settings.update.strokes > 0
+
+    @property
     def every_view(self) -> tuple[View, ...]:
         """The views that may be edited, then the held-out ones."""
         return (*self.views, *self.held_out)
@@ -201,11 +208,14 @@ def _with_defaults(settings: EditSettings, editor: Editor, camera: Camera) -> Ed
     """
     declared = editor.capabilities
     size = settings.edit_size or declared.best_size
+    if declared.draws and size and not settings.edit_size:
+        size = round(size / settings.brush)
     keeps = settings.condition == "photo" or not declared.enlarges
     if size and keeps and size >= max(camera.width, camera.height):
         size = None  # the views' own
     sampler = settings.sampler.with_defaults(declared.defaults)
-    return replace(settings, sampler=sampler, edit_size=size)
+    batches = settings.batches or declared.batches
+    return replace(settings, sampler=sampler, edit_size=size, batches=batches)
 
 
 def _merged(

@@ -14,6 +14,7 @@ from torch import Tensor
 
 from gsedit.capture.fitting.random_crops import MIN_SHOWN_SHARE
 from gsedit.paper.progress import Progress
+from gsedit.paper.protocol import Editor
 from gsedit.paper.request import Request
 from gsedit.paper.unedited import UneditedRenders, render_with_depth
 from gsedit.paper.view_plan import ViewPlan
@@ -40,6 +41,8 @@ class Session:
     """
     unedited: UneditedRenders
     progress: Progress
+    editor: Editor
+    """The request's, made for the planned views."""
 
     @property
     def scene(self) -> Gaussians:

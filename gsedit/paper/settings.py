@@ -27,8 +27,8 @@ class EditSettings:
     """How the scene is fitted to the edited views."""
     views_per_batch: int = field(default=3, metadata={"flag": "--views"})
     """Views that are edited together."""
-    batches: int = field(default=4, metadata={"flag": "--batches"})
-    """Most batches of views that are edited."""
+    batches: int | None = field(default=None, metadata={"flag": "--batches"})
+    """Most batches of views that are edited. None: the editor's own (4; painter 6)."""
     coverage: float = 0.95
     """Stop after the batch that covers this share of what the camera set sees, in (0, 1]."""
     overlap: float = 0.5
@@ -59,6 +59,9 @@ class EditSettings:
     """Longer side, pixels, of the pictures that the editor is given: of larger views it edits small
     ones, and the change is carried to full size; a network of --editor diffusers also edits large
     ones of smaller views. None: what the editor was made for."""
+    brush: float = field(default=1.0, metadata={"flag": "--brush"})
+    """Width of the strokes of --editor painter, from 0.1 to 10 times the usual: the larger, the
+    smaller the pictures that it paints."""
     region: str = field(default="auto", metadata={"flag": "--region"})
     """The region that may change. auto: the subject if the instruction is about it, else
     everything; all: everything; box:x0,y0,z0,x1,y1,z1 or sphere:x,y,z,r in the coordinates of the
@@ -82,8 +85,10 @@ class EditSettings:
                 f"{', '.join(sorted(unknown))}: nothing that can be disabled; give some of "
                 f"{', '.join(DECISIONS)}, or all"
             )
-        if self.views_per_batch < 1 or self.batches < 1:
+        if self.views_per_batch < 1 or (self.batches or 1) < 1:
             raise UsageError("views and batches must be 1 or more")
+        if not 0.1 <= self.brush <= 10:
+            raise UsageError(f"brush is {self.brush:g}: give a number from 0.1 to 10")
         if min(self.held_out_edits, self.anchors) < 0:
             raise UsageError("held-out edits and anchors must be 0 or more")
         if not self.checkpoint_seconds >= 0:

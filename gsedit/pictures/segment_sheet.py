@@ -13,6 +13,7 @@ from scipy.ndimage import binary_erosion, distance_transform_edt, median_filter
 from torch import Tensor
 
 from gsedit.formats.pictures import as_picture, eight_bits
+from gsedit.pictures.captioned import captioned
 from gsedit.select.region import Region, tinted
 from gsedit.select.segment import Segments
 from gsedit.views.dataset import evenly_spaced
@@ -26,8 +27,6 @@ VIEWS, COLUMNS = 6, 3
 """Most views of a sheet, and how many are beside each other."""
 CELL = 400
 """Longer side of a view, pixels."""
-MARGIN, CAPTION = 6, 20
-"""Pixels between views, and below each."""
 GOLDEN = 0.381966
 """Step of the hue from one object to the next, of a full circle."""
 TINT, QUIET = 0.15, 0.25
@@ -36,7 +35,6 @@ SPECKLE = 5
 """Width of the window over which the segments of pixels are smoothed, pixels."""
 OUTLINE = 2
 """Width of the line inside each object, pixels."""
-PAPER, INK = (250, 250, 248), (40, 40, 40)
 LEAST_LABEL = 0.002
 """Least share of a view that a segment fills to be labelled there."""
 OPAQUE = 0.5
@@ -70,18 +68,7 @@ def _sheet(
 ) -> Image.Image:
     """Pictures of at most VIEWS views in rows, each over its name."""
     chosen = [viewpoints[i] for i in evenly_spaced(len(viewpoints), VIEWS)]
-    cells = [draw_view(_sized(each.camera)) for each in chosen]
-    columns = min(COLUMNS, len(cells))
-    rows = -(-len(cells) // columns)
-    width, height = (max(getattr(cell, side) for cell in cells) for side in ("width", "height"))
-    step_x, step_y = width + MARGIN, height + CAPTION
-    sheet = Image.new("RGB", (MARGIN + columns * step_x, MARGIN + rows * step_y), PAPER)
-    draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(13)
-    for i, (cell, each) in enumerate(zip(cells, chosen)):
-        left, top = MARGIN + i % columns * step_x, MARGIN + i // columns * step_y
-        sheet.paste(cell, (left, top))
-        draw.text((left + 2, top + cell.height + 2), each.name, fill=INK, font=font)
-    return sheet
+    return captioned([(each.name, draw_view(_sized(each.camera))) for each in chosen], COLUMNS)
 
 
 def _sized(camera: Camera) -> Camera:

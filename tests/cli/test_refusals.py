@@ -186,6 +186,12 @@ REFUSED = """
 2 | ROOM 'as gold' --editor closed-form --masks clipseg -o out | 2D editor
 2 | list looks ' ' | empty
 2 | list settings nothing | nothing
+2 | list styles scene.ply | -o styles.png
+2 | list styles -o a.png | SCENE
+2 | list looks -o a.png | list styles SCENE
+2 | list styles scene.ply -o a.jpg | .png
+2 | list styles scene.ply -o taken.png | exists
+3 | list styles none.ply -o a.png | none.ply
 
 2 | make photos 'give it a hat' -o out | make or reshape
 2 | make photos ' ' -o out | empty

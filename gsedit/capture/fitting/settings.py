@@ -77,8 +77,13 @@ class UpdateSettings:
     """Random crops rendered in a step, where the scene is fitted in steps."""
     patch: int = 64
     """Side of a crop, pixels."""
+    strokes: int = 36
+    """Steps by which the strokes of drawn views are kept after the solve, for editors that draw
+    (gsedit.capture.fitting.strokes). 0: none, and no view leads in the solve."""
 
     def __post_init__(self) -> None:
+        if self.strokes < 0:
+            raise UsageError(f"strokes is {self.strokes}: give 0 or more steps")
         if self.patches < 1 or self.patch < SMALLEST_PATCH:
             raise UsageError(
                 f"patches must be 1 or more, and a patch {SMALLEST_PATCH} pixels or more, "

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import islice
+from itertools import islice, repeat
 from math import isqrt
 
 import torch
@@ -139,6 +139,7 @@ def solve_colors(
     inside: Bool[Tensor, " n"],
     *,
     pictures: Sequence[Float[Tensor, "h w 3"]] | None = None,
+    shares: Sequence[Float[Tensor, "h w"]] | None = None,
     most_iterations: int = MOST_ITERATIONS,
     least_gain_db: float = LEAST_GAIN_DB,
     penalty: float = PENALTY,
@@ -148,15 +149,17 @@ def solve_colors(
     """Yield the scene after every iteration, the last one last; only colors `inside` change.
 
     `pictures` show the scene as it is now at the targets, where it is a merged one;
-    None: it is rendered. Colors of degree 0 and 1 move, higher bands stay. Negative colors count as
-    they are, not clamped: raise them before. Pixels that a view's mask leaves out do not count. The
+    None: it is rendered. `shares` are weights of pixels, in [0, 1]; None: all weigh 1. Colors of
+    degree 0 and 1 move, higher bands stay. Negative colors count as they are, not clamped: raise
+    them before. Pixels that a view's mask leaves out do not count. The
     residual never rises from one iteration to the next.
     """
     if not inside.any() or not targets:
         return
     if pictures is None:
         pictures = [render(scene, view.camera, execution=execution).color for view in targets]
-    views = [_shown(scene, view, now, execution) for view, now in zip(targets, pictures)]
+    each_share = repeat(None) if shares is None else shares
+    views = [_shown(scene, *each, execution) for each in zip(targets, pictures, each_share)]
     base, moved = sh_to_color(scene.sh[:, 0]), inside[:, None, None].to(scene.means)
     sums = _back(len(scene), views, [v.mask + torch.zeros_like(v.missing) for v in views], 1)
     shown = sums[:, 0, :1] * moved[:, 0]
@@ -179,10 +182,15 @@ def _coefficients(scene: Gaussians) -> int:
 
 
 def _shown(
-    scene: Gaussians, view: View, now: Float[Tensor, "h w 3"], execution: Execution
+    scene: Gaussians,
+    view: View,
+    now: Float[Tensor, "h w 3"],
+    share: Float[Tensor, "h w"] | None,
+    execution: Execution,
 ) -> _Shown:
     weights = color_weights(scene, view.camera, execution=execution)
     mask = 1.0 if view.mask is None else view.mask[..., None].to(scene.means)
+    mask = mask if share is None else mask * share[..., None]
     degree = isqrt(_coefficients(scene)) - 1
     directions = view_directions(scene.means.index_select(0, weights.rows), view.camera)
     before = mask * now

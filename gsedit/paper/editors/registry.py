@@ -32,11 +32,13 @@ DEFAULT = "painter"
 # ---- ours: each factory's docstring is its line in the list -------------------------------------
 
 
-def _painter() -> Editor:
+def _painter(
+    like: Path | None = None, strength: float | None = None, keep_colors: bool | None = None
+) -> Editor:
     """Published networks, come with gsedit: painting styles by name, or that of a picture."""
-    from gsedit.paper.editors.painter.editor import load_painter
+    from gsedit.paper.editors.painter.editor import make_painter
 
-    return load_painter()
+    return make_painter(like, strength, keep_colors)
 
 
 def _closed_form() -> Editor:

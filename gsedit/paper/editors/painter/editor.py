@@ -1,9 +1,12 @@
-"""`painter` as an editor: views are painted in a style."""
+"""`painter` as an editor: views are painted in a style, by name or that of a picture.
+
+`v` pictures of `h w` pixels.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -11,57 +14,140 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.errors import InputError, Said, UsageError
+from gsedit.errors import Said, UsageError
 from gsedit.paper.diffusion.settings import SamplerSettings
-from gsedit.paper.editors.painter.network import CELL, Affine, PaintNetwork
+from gsedit.paper.editors.painter.network import CELL, Affine, Moments, PaintNetwork
+from gsedit.paper.editors.painter.picture_style import (
+    load_picture_styles,
+    read_style_picture,
+    style_of,
+)
+from gsedit.paper.editors.painter.weights import hold, weights_of
 from gsedit.paper.protocol import Capabilities, EditBatch, EditProgress
+from gsedit.scene.color_space import LUMINANCE
 from gsedit.views.padding import pad_to_multiple
 from gsedit.words.styles import style_asked
 
 WEIGHTS = Path(__file__).with_name("styles.safetensors")
+BRUSH = 192
+"""Pixels, longer side of the pictures that are painted. At 256 strokes are finer than the Gaussians
+of a scene fitted at 256 pixels can hold (docs/measurements/paper.md)."""
+BATCHES = 6
+"""A view takes 0.05 s, so that more of a scene is painted than another editor would edit."""
+MOST_SURVEYED_PIXELS = 3_000_000
+"""Pixels of all pictures that statistics are taken from, evenly spaced ones of more: the widest
+layer holds 32 numbers a pixel."""
 
 
 @dataclass(frozen=True, eq=False)
 class Painter:
-    """An Editor: every view is painted in the style that the sentence asks for."""
+    """An Editor: every view is painted in the style that the sentence asks for, or of a picture.
+
+    The channels of every layer are normalised by the statistics of all planned views together
+    (`with_views`), so that colors do not jump from view to view; without, by the picture's own.
+    """
 
     network: PaintNetwork
     styles: tuple[tuple[Affine, ...], ...]
-    """Of each style, by its number, the affine map of every layer."""
-    name: str = "painter"
+    """Affine maps of the layers for each style, by its number."""
+    like: str = ""
+    """Name of the picture that has the style, which is the only one then; "" for named styles."""
+    strength: float = 1.0
+    """How far pictures go to the style, from 0 to 1."""
+    keep_colors: bool = False
+    """Whether only the brightness of pictures is painted."""
+    blocks: int = 0
+    """Residual blocks after which views agree where they show the same place: it plays the part of
+    t_end, and blurs strokes the more, the later it ends."""
+    moments: tuple[Moments, ...] | None = None
+    """Statistics that layers are normalised by; None: those of each picture."""
     cell: int = CELL
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.strength <= 1:
+            raise UsageError(f"strength {self.strength:g}: give a number from 0 to 1")
+
+    @property
+    def name(self) -> str:
+        """The painter, and what it paints like: an edit is resumed with the same."""
+        details = [f"like {self.like}"] * bool(self.like)
+        details += [f"strength {self.strength:g}"] * (self.strength < 1)
+        return ", ".join(("painter", *details, *["colors kept"] * self.keep_colors))
 
     @property
     def capabilities(self) -> Capabilities:
-        """Only that it paints styles."""
-        return Capabilities(paints_styles=True)
+        """It draws styles, at a size of its own, and takes statistics from all planned views."""
+        return Capabilities(
+            best_size=BRUSH,
+            enlarges=True,
+            batches=BATCHES,
+            draws=True,
+            paints_styles=True,
+            matches=self.blocks > 0,
+            with_views=self.with_views,
+        )
 
     def check(self, prompt: str) -> None:
-        """Raise UsageError for a sentence that asks for no style of the network."""
-        self._number(prompt)
+        """Raise UsageError for a sentence that asks for no style."""
+        self._style(prompt)
+
+    @torch.no_grad()
+    def with_views(self, prompt: str, pictures: Float[Tensor, "v h w 3"]) -> Painter:
+        """This editor with the statistics of these pictures, kept for every later view."""
+        step = 1 + len(pictures) * pictures[0, :, :, 0].numel() // MOST_SURVEYED_PIXELS
+        _, moments = self.network(_padded(pictures[::step]), self._style(prompt))
+        return replace(self, moments=tuple(moments))
 
     @torch.no_grad()
     def edit(
         self, batch: EditBatch, settings: SamplerSettings, generator: torch.Generator
     ) -> Iterator[EditProgress]:
         """Paint the originals; anchored views stay as they are. Raises UsageError as `check`."""
-        style = self.styles[self._number(batch.prompt)]
-        height, width = batch.originals.shape[1:3]
-        images, _ = self.network(_padded(batch.originals), style)
-        painted = images.movedim(1, -1)[:, :height, :width]
+        style, originals = self._style(batch.prompt), batch.originals
+        height, width = originals.shape[1:3]
+
+        def agree(block: int, x: Tensor) -> Tensor:
+            return batch.agreed(x, settings.consensus_weight) if block <= self.blocks else x
+
+        pooled = self.moments is not None
+        images, _ = self.network(_padded(originals), style, self.moments, pooled, agree)
+        change = images.movedim(1, -1)[:, :height, :width] - originals
+        if self.keep_colors:
+            change = (change @ change.new_tensor(LUMINANCE))[..., None]
+        painted = (originals + self.strength * change).clamp(0, 1)
         if batch.anchored is not None:
             painted = torch.where(batch.anchored[:, None, None, None], batch.images, painted)
         yield EditProgress(1, 1, painted)
 
-    def _number(self, prompt: str) -> int:
-        style = style_asked(prompt)
-        if style.number is None:
+    def _style(self, prompt: str) -> tuple[Affine, ...]:
+        """The affine maps that a sentence asks for. Raises UsageError."""
+        if self.like:
+            return self.styles[0]
+        number = style_asked(prompt).number
+        if number is None:
             raise UsageError(Said(f"{prompt!r} names no picture", "like"))
-        return style.number
+        return self.styles[number]
 
 
 def _padded(pictures: Float[Tensor, "v h w 3"]) -> Float[Tensor, "v 3 H W"]:
     return pad_to_multiple(pictures, CELL, "mirror").movedim(-1, 1)
+
+
+def make_painter(
+    like: Path | None = None, strength: float | None = None, keep_colors: bool | None = None
+) -> Painter:
+    """The painter of named styles, or of that of the picture `like`; see `Painter`.
+
+    Raises InputError for weights or a picture that cannot be read, UsageError for a picture that is
+    too small and for a strength that is out of range.
+    """
+    made = load_painter()
+    if like is not None:
+        style = style_of(read_style_picture(like))
+        made = replace(made, network=load_picture_styles().network, styles=(style,), like=like.name)
+    return replace(
+        made, strength=1.0 if strength is None else strength, keep_colors=bool(keep_colors)
+    )
 
 
 @lru_cache(maxsize=1)
@@ -70,18 +156,13 @@ def load_painter(path: Path = WEIGHTS) -> Painter:
 
     Raises InputError where the file is missing or damaged.
     """
-    from safetensors.torch import load_file
-
-    try:
-        held = load_file(path)
+    with weights_of(path) as held:
         gammas = {k.removesuffix(".gamma"): v for k, v in held.items() if k.endswith(".gamma")}
         styles = tuple(
             tuple(Affine(gammas[name][k], held[f"{name}.beta"][k]) for name in gammas)
             for k in range(len(next(iter(gammas.values()))))
         )
-        network = PaintNetwork(blocks=6)
-        network.load_state_dict({k: v for k, v in held.items() if k.endswith(".weight")})
-    except Exception as error:  # safetensors and torch raise their own, without a common base
-        reason = next(iter(str(error).strip().splitlines()), type(error).__name__)
-        raise InputError(f"{path} does not hold the painter's weights ({reason})") from error
-    return Painter(network.eval().requires_grad_(False), styles)
+        with torch.device("meta"):
+            network = PaintNetwork()
+        hold(network, {k: v for k, v in held.items() if k.endswith(".weight")})
+        return Painter(network, styles)

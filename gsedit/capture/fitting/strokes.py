@@ -1,0 +1,162 @@
+"""Strokes of drawn views, which no two views place alike, kept in a scene.
+
+The mean of such views is mud. So every Gaussian follows the view that sees its place best, and
+colors then descend the loss of Efficient-NeRF2NeRF from where they are: MSE + lambda Gram. `n`
+Gaussians; `v` pictures of `h w` pixels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Any
+
+import torch
+from jaxtyping import Bool, Float, Int
+from torch import Tensor
+
+from gsedit.measures.features import FeatureExtractor
+from gsedit.measures.losses import gram
+from gsedit.run.step_threads import StepThreads
+from gsedit.scene.neighbors import k_nearest
+from gsedit.views.dataset import View
+from rasterizer.camera import Camera
+from rasterizer.color_weights import ColorWeights, color_weights
+from rasterizer.numerics import AUTO, SH_DC, Execution
+from rasterizer.scene import Gaussians
+
+NEAR = 9
+"""Gaussians, itself with it, whose weights are averaged before the best view is chosen."""
+ROUNDS = 2
+"""Times that weights are averaged: a view leads in patches, not in single Gaussians."""
+LEAST_SHARE = 0.02
+"""Weight of pixels in which another view leads: what no leading view shows follows them."""
+BAND_PENALTY = 1e3
+"""Pixels: a stroke lies on the surface, so that its color hardly depends on the direction."""
+GRAM_GRADIENT = 10.0
+"""Size of the Gram loss's gradient over that of the MSE, at the first step: lambda itself means
+nothing without the units of the features."""
+RATE = 0.06
+"""Learning rate of colors in [0, 1]: half of it takes twice the steps."""
+LAST_RATE = 0.1
+"""Share of the rate at the last step; it falls linearly."""
+MOMENTS = (0.9, 0.99)
+"""Decays of Adam: the second one forgets within the few hundred steps that there are."""
+
+
+def leading_views(weights: Float[Tensor, "v n"], means: Float[Tensor, "n 3"]) -> Int[Tensor, " n"]:
+    """The view that sees the place of each Gaussian best; `weights`: what each sees of it."""
+    points = means.detach().double().numpy()
+    near = torch.from_numpy(k_nearest(points, points, min(NEAR, len(points)))[1])
+    for _ in range(ROUNDS):
+        weights = torch.stack([each[near].mean(1) for each in weights])
+    return weights.argmax(0)
+
+
+def leading_shares(
+    scene: Gaussians,
+    cameras: Sequence[Camera],
+    leading: Int[Tensor, " n"],
+    execution: Execution = AUTO,
+) -> list[Float[Tensor, "h w"]]:
+    """Weight of each pixel of each view: the share of it that the view leads, or LEAST_SHARE."""
+    shares = []
+    for i, camera in enumerate(cameras):
+        leads = (leading == i).to(scene.means)[:, None].expand(-1, 3)
+        own = color_weights(scene, camera, execution=execution).picture(leads.contiguous())
+        shares.append(own[..., 0].clamp(LEAST_SHARE, 1))
+    return shares
+
+
+def stroke_steps(
+    scene: Gaussians,
+    targets: Sequence[View],
+    inside: Bool[Tensor, " n"],
+    steps: int,
+    features: FeatureExtractor,
+    generator: torch.Generator,
+    *,
+    pictures: Sequence[Float[Tensor, "h w 3"]],
+    shares: Sequence[Float[Tensor, "h w"]],
+    execution: Execution = AUTO,
+) -> Iterator[float | Gaussians]:
+    """Yield the loss of every step, of a view, and last the scene; base colors `inside` move.
+
+    `pictures` show the scene as it is at the targets; `shares` are the weights of pixels in the
+    MSE. The Gram loss is relative to the targets' own: a sum over layers.
+    """
+    drawn = [_Drawn(scene, *each, features, execution) for each in zip(targets, pictures, shares)]
+    change = torch.zeros_like(scene.means, requires_grad=True)
+    optimizer = torch.optim.Adam([change], RATE, MOMENTS)
+    weight, threads, order = None, StepThreads(), list[int]()
+    for step in range(steps):
+        order = order or torch.randperm(len(drawn), generator=generator).tolist()
+        view = drawn[order.pop()]
+        with threads.step():
+            error, style = view.losses(change * inside[:, None])
+            if weight is None:
+                weight = GRAM_GRADIENT * _ratio(error, style, change)
+            loss = error + weight * style
+            optimizer.zero_grad()
+            loss.backward()
+            optimizer.param_groups[0]["lr"] = RATE * (1 - (1 - LAST_RATE) * step / steps)
+            optimizer.step()
+        yield loss.item()
+    sh = scene.sh.clone()
+    sh[:, 0] += change.detach() * inside[:, None] / SH_DC
+    yield replace(scene, sh=sh)
+
+
+def _ratio(error: Tensor, style: Tensor, change: Tensor) -> float:
+    """Size of the gradient of the error over that of the style; 0 where there is no style."""
+    sizes = [
+        torch.autograd.grad(each, change, retain_graph=True)[0].norm() for each in (error, style)
+    ]
+    return float(sizes[0] / sizes[1]) if sizes[1] > 0 else 0.0
+
+
+class _Drawn:
+    """A target, and how its picture depends on base colors."""
+
+    def __init__(
+        self,
+        scene: Gaussians,
+        target: View,
+        picture: Float[Tensor, "h w 3"],
+        share: Float[Tensor, "h w"],
+        features: FeatureExtractor,
+        execution: Execution,
+    ) -> None:
+        self.weights = color_weights(scene, target.camera, execution=execution)
+        self.picture, self.target, self.features = picture, target.image, features
+        self.share = share[..., None].square()
+        with torch.no_grad():
+            self.grams = [gram(each) for each in features(_channels_first(target.image))]
+
+    def losses(self, change: Float[Tensor, "n 3"]) -> tuple[Float[Tensor, ""], Float[Tensor, ""]]:
+        """(MSE, distance of Gram matrices) of the picture with colors changed by so much."""
+        now = self.picture + _Picture.apply(change, self.weights)
+        error = (self.share * (now - self.target).square()).mean()
+        own = [gram(each) for each in self.features(_channels_first(now))]
+        style = [
+            (ours - goal).square().sum() / goal.square().sum().clamp_min(1e-12)
+            for ours, goal in zip(own, self.grams, strict=True)
+        ]
+        return error, torch.stack(style).sum()
+
+
+class _Picture(torch.autograd.Function):
+    """The change of a picture by a change of base colors, which is linear."""
+
+    @staticmethod
+    def forward(ctx: Any, change: Tensor, weights: ColorWeights) -> Tensor:
+        ctx.weights = weights
+        return weights.picture(change)
+
+    @staticmethod
+    def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor, None]:
+        return ctx.weights.back(gradient.contiguous()), None
+
+
+def _channels_first(picture: Float[Tensor, "h w 3"]) -> Float[Tensor, "1 3 h w"]:
+    return picture.movedim(-1, 0)[None]
