@@ -23,6 +23,7 @@ MOVES = {
     "any-sentence": f"; for any sentence: {ANY}",
     "styles": f" (gsedit list styles), and --like takes a picture's. For any sentence: {ANY}",
     "like": ": add --like PICTURE",
+    "unlike": ": leave --like out, or say 'in the style of this picture'",
     "undrawn": ": leave out the options of what a 2D editor draws, or name one that draws it all, "
     f"as in {ANY}",
     "focal": ": name it with --focal (a phone's main camera: 26), or use the camera's own files "

@@ -76,7 +76,7 @@ def test_held_out_views_are_never_edited(scene, data):
 
 def test_later_batches_are_anchored_by_finished_views_as_they_are(scene, data):
     editor = Swapped()
-    result = run(scene, data, editor)[-1]
+    result = run(scene, data, editor, replace(SMALL, held_out_edits=0))[-1]
     batch = editor.batch
     assert batch.anchored.tolist() == [False] * 3 + [True] * (len(batch.anchored) - 3)
     assert batch.anchored.any()

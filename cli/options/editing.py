@@ -49,6 +49,12 @@ class EditorOptions:
     editor: str = option(AUTO, "NAME")
     """2D editor (see gsedit list editors). auto: painter for painting styles, all else on the scene
     itself. Any other one draws the whole sentence."""
+    like: Path | None = option(None, "PICTURE")
+    """painter: the picture that has the style, for "in the style of this picture"."""
+    strength: float | None = option(None, "SHARE")
+    """painter: how far pictures go to the style, from 0 to 1. None: 1."""
+    keep_colors: bool = option(False)
+    """painter: keep the colors of the scene, and paint its brightness alone."""
     model: str | None = option()
     """pix2pix, diffusers: a folder of weights, or a Hugging Face id."""
     weights_dir: Path | None = option()
@@ -87,6 +93,9 @@ class EditorOptions:
 
         editor = make_editor(
             self.settled().editor,
+            like=self.like,
+            strength=self.strength,
+            keep_colors=self.keep_colors or None,
             model=self.model,
             weights_dir=self.weights_dir,
             runtime=self.runtime,

@@ -20,6 +20,7 @@ ON_PAGE = {
     "any-sentence": "",
     "styles": "",
     "like": ": load one",
+    "unlike": "",
     "undrawn": "",
     "focal": ": use the camera's own files with EXIF",
     "memory": ": close other programs",

@@ -121,7 +121,7 @@ def _run(request: Request, resume: State | None) -> Generator[Event | Checkpoint
 
 
 def explain_skips(session: Session) -> tuple[Decision, ...]:
-    """Every decision of this edit, with its reason, its saving and its bound.
+    """Every decision of this edit, with its reason, its saving and its error.
 
     Nothing is decided here that the session does not do already.
     """

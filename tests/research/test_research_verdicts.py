@@ -77,3 +77,19 @@ def test_factors_are_judged_by_their_order_alone():
     assert not judge_factors(effects(*[[x] for x in logs[1:]]), log(5)).has_interval  # five
     ten = judge_factors(effects(*[[log(x)] for x in (1.1, 6, 6, 7, 7, 8, 8, 9, 9, 90)]), log(5))
     assert (ten.low, ten.high, ten.verdict) == (log(6), log(9), "reproduced")
+
+
+@pytest.mark.parametrize(
+    ("factors", "verdict"),
+    [
+        ([0, 0, 0, 0, 0, 0], "not reached"),
+        ([0, 0, 0], "not reached"),  # of few runs too, if none got there
+        ([0, 0, 0, 0, 0, 0, 0.1, 0.2], "not reached"),  # the slow ones are few
+        ([0, 0, 0, 0, 0, 30], "not decided"),
+        ([0, 0, 30], "not decided"),
+        ([0, 0.1, 0.1, 0.1, 0.1, 0.1], "opposite"),  # most got there, and later
+    ],
+)
+def test_opposite_is_said_of_what_was_seen(factors, verdict):
+    logs = [[log(factor) if factor else -inf] for factor in factors]
+    assert judge_factors(effects(*logs), log(5)).verdict == verdict

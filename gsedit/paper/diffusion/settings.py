@@ -58,7 +58,7 @@ class SamplerSettings:
     last to the prediction under text and picture, a third of the cost."""
     strength: float = 0.98
     """Fraction of the noise schedule at which the noised render starts, above 0 and at most 1;
-    less keeps more of the render."""
+    less keeps more of the render, 1 none of it: sampling starts from noise, as in diffusers."""
     solver: Solver | None = None
     """How a step is taken. heun runs the network twice a step; ancestral and lcm draw fresh noise.
     None: the editor's own (ddim)."""

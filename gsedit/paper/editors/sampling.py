@@ -92,7 +92,8 @@ class DiffusionEditor:
         noise = torch.randn(z0.shape, generator=generator, dtype=z0.dtype)
         rows, columns = z0.shape[2:]
         levels = levels_for(denoiser, settings, (rows, columns))
-        x = add_noise(z0, settings.noise_scale * share(noise), levels[0])
+        first = levels[0] if settings.strength < 1 else levels[0]._replace(a=0.0, b=1.0)
+        x = add_noise(z0, settings.noise_scale * share(noise), first)
         originals = whole.originals[free]
         condition = denoiser.condition(originals, batch.prompt, generator)
         ready = prepared(denoiser, x[free], originals, batch.prompt, settings, self.known)

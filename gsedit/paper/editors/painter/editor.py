@@ -76,7 +76,7 @@ class Painter:
 
     @property
     def capabilities(self) -> Capabilities:
-        """It draws styles, at a size of its own, and takes statistics from all planned views."""
+        """It draws, at a size of its own, and takes statistics from all planned views."""
         return Capabilities(
             best_size=BRUSH,
             enlarges=True,
@@ -121,12 +121,12 @@ class Painter:
 
     def _style(self, prompt: str) -> tuple[Affine, ...]:
         """The affine maps that a sentence asks for. Raises UsageError."""
-        if self.like:
-            return self.styles[0]
-        number = style_asked(prompt).number
-        if number is None:
+        asked = style_asked(prompt)
+        if not self.like and asked.number is None:
             raise UsageError(Said(f"{prompt!r} names no picture", "like"))
-        return self.styles[number]
+        if self.like and asked.number is not None:
+            raise UsageError(Said(f"{asked.name} is not the style of {self.like}", "unlike"))
+        return self.styles[asked.number or 0]
 
 
 def _padded(pictures: Float[Tensor, "v h w 3"]) -> Float[Tensor, "v 3 H W"]:
