@@ -21,7 +21,7 @@ from gsedit.words.lexicon import styles
 from gsedit.words.read import read_instruction
 from gsedit.words.styles import GIVEN, STYLES, styles_asked
 
-PARTS = ("the whole scene", "the subject", "the background", "the red one", "all but the chair")
+PARTS = ("the whole scene", "the subject", "the background", "the red one", "all but the red chair")
 
 
 @pytest.fixture

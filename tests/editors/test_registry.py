@@ -92,7 +92,7 @@ def test_ours_are_listed_with_what_they_need():
     ours = {listing.name: listing for listing in list_editors() if listing.source == "gsedit"}
     assert tuple(ours) == tuple(registry.EDITORS.ours)
     assert ours["painter"].ready
-    assert not ours["painter"].options
+    assert ours["painter"].options == ("--like", "--strength", "--keep-colors")
     assert ours["closed-form"].ready
     assert not ours["closed-form"].options
     for name in ("pix2pix", "diffusers"):
