@@ -33,7 +33,6 @@ from .verbs.moves import align, bend, transform
 from .verbs.operations import clean, convert, decimate, filter_, merge, recolor
 from .verbs.render import render
 from .verbs.select import select
-from .verbs.style import style
 from .verbs.view import view
 
 SENTENCES = ("edit", "make")
@@ -41,7 +40,7 @@ SENTENCES = ("edit", "make")
 CHANGING = f"Change a scene (chain verbs with the word {THEN})"
 """Heading of the verbs that can follow each other in one command."""
 PANELS = {
-    "Edit from a sentence or a picture": (app_verb, edit, make, style),
+    "Edit from a sentence or a picture": (app_verb, edit, make),
     "Make a scene from photos": (capture, fit),
     "Look and measure": (info, select, view, render, mesh, measure, diff, metrics),
     CHANGING: (convert, filter_, clean, decimate, merge, transform, bend, align, recolor),

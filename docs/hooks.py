@@ -36,7 +36,6 @@ COPIES = {
     "reference/changelog.md": "CHANGELOG.md",
     "reference/contributing.md": "CONTRIBUTING.md",
     "reference/security.md": "SECURITY.md",
-    "reference/model-small.md": "gsedit/paper/editors/small/MODEL_CARD.md",
 }
 """Pages that are files elsewhere in the tree."""
 

@@ -3,7 +3,7 @@
 python examples/contact_sheet.py bear.ply guitar.ply biker.spz -o sheet.jpg --front front.jpg
 
 Every picture is of a camera that no edit looked through; the built-in scene is the last column. The
-last row is drawn by the 2D editor `small`, the others as `gsedit edit` does them. --front: some
+last row is drawn by the painter, the others are done on the Gaussians. --front: some
 edits of the first scene, larger.
 """
 
@@ -27,7 +27,6 @@ from gsedit.editing.edit import change_steps
 from gsedit.editing.plan import read_steps
 from gsedit.errors import GseditError
 from gsedit.formats.pictures import as_picture
-from gsedit.paper.editors import make_editor
 from gsedit.run.events import returned
 from gsedit.select.finder import Finder
 from gsedit.views.around import find_viewpoints
@@ -51,10 +50,10 @@ INSTRUCTIONS = (
     "sunset from the left",
     "a foggy morning",
     "draw it in pencil",
-    "turn it into a bronze statue",
+    "as an expressionist painting",
 )
 DRAWN = len(INSTRUCTIONS) - 1
-"""Instruction that the 2D editor `small` draws."""
+"""Instruction that the painter draws."""
 FRONT = (0, 5, 6, 7, 10)
 """Instructions of the front picture."""
 VIEW_PIXELS = 256
@@ -141,16 +140,15 @@ def built_in() -> Shown:
 
 
 def edits(shown: Shown, instructions: Sequence[str]) -> Iterator[Gaussians | None]:
-    """The scene after each instruction, as `gsedit edit` changes it directly, and the one numbered
-    DRAWN as `small` draws it; None, with a line, for one that is refused. The subject is searched
-    once."""
+    """The scene after each instruction, as `gsedit edit` does it; None, with a line, for one that
+    is refused. The subject is searched once."""
     finder = Finder(shown.scene, shown.viewpoints)
     for i, text in enumerate(instructions):
         say(f"{shown.name}: {text}")
         try:
             if i == DRAWN:
                 views = rendered(shown.scene, shown.viewpoints)
-                yield gsedit.edit(shown.scene, text, editor=make_editor(), views=views).scene
+                yield gsedit.edit(shown.scene, text, views).scene
                 continue
             yield returned(change_steps(finder, read_steps(text))).scene
         except GseditError as error:
@@ -189,7 +187,7 @@ def grid(rows: Sequence[Sequence[Labelled]]) -> Image.Image:
 
 def labelled_rows(columns: Sequence[Sequence[Image.Image]]) -> list[list[Labelled]]:
     """A row for the scenes as they were, and one for each instruction."""
-    labels = ("before", *INSTRUCTIONS[:DRAWN], f"by the 2D editor small: {INSTRUCTIONS[DRAWN]}")
+    labels = ("before", *INSTRUCTIONS)
     return [
         [(label, first), *(("", each) for each in rest)]
         for label, first, *rest in zip(labels, *columns)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import platform
 import subprocess
 import sys
@@ -13,8 +12,6 @@ from pathlib import Path
 
 from gsedit.run.environment import installed_version
 
-LITTLE_MEMORY = 4e9
-"""Bytes. With less, an edit at the default size still runs; a fit or a large model may not."""
 IMPORT_TIMEOUT = 60
 """Seconds for importing a package in another process: the first read from a slow disk is slow."""
 
@@ -53,7 +50,7 @@ class Library:
 LIBRARIES = (
     Library("pycolmap", "reading COLMAP's folders and undistorting photos", "pycolmap"),
     Library("trimesh", "meshes and to_trimesh", "trimesh"),
-    Library("matplotlib", "depth in color, diff -o and info --plot", "'gsedit[plots]'"),
+    Library("matplotlib", "depth in color and colors of points", "'gsedit[plots]'"),
     Library("mcp", "gsedit mcp", "'gsedit[mcp]'"),
     Library("OpenEXR", "gsedit render -o picture.exr", "'gsedit[exr]'"),
     Library("av", "gsedit capture VIDEO, and render -o video.mp4", "'gsedit[video]'"),
@@ -69,6 +66,15 @@ LIBRARIES = (
         "libusb-1.0-0 libegl1 libgl1 libx11-6 libudev1 libidn2-0",
     ),
 )  # fmt: skip
+UNTRIED = {
+    **dict.fromkeys(
+        ("diffusers", "transformers", "accelerate"),
+        "the editors pix2pix and diffusers need it: pip install 'gsedit[diffusers]'",
+    ),
+    "openvino": "2D models run faster with it: pip install 'gsedit[openvino]'",
+    "stlpips_pytorch": "perceptual distances need its weights: pip install 'gsedit[perceptual]'",
+}
+"""Packages that are not loaded for a check, as that takes long, and what to do without them."""
 CORE = ("numpy", "scipy", "kornia", "pillow", "jaxtyping", "safetensors", "zstandard")
 """Packages that gsedit does not work without."""
 
@@ -86,9 +92,6 @@ def check_machine() -> Iterator[Check]:
         )
         yield Check("python", f"{platform.python_version()} on {platform.platform()}")
         yield from check_packages()
-        yield check_threads()
-        yield check_memory()
-        yield check_graphs()
         yield check_compiler()
         yield from check_libraries(imports)
 
@@ -103,14 +106,9 @@ def check_packages() -> Iterator[Check]:
         ", ".join(f"{name} {version or 'MISSING'}" for name, version in versions.items()),
         f"gsedit needs them: pip install {missing}" if missing else "",
     )
-    for name in ("diffusers", "transformers", "accelerate"):
+    for name, move in UNTRIED.items():
         installed = installed_version(name)
-        needed = "the editors pix2pix and diffusers need it: pip install 'gsedit[diffusers]'"
-        advice = "" if installed else needed
-        yield Check(name, installed or "not installed", advice)
-    weights = installed_version("stlpips_pytorch")
-    advice = "perceptual distances need its weights: pip install 'gsedit[perceptual]'"
-    yield Check("stlpips_pytorch", weights or "not installed", "" if weights else advice)
+        yield Check(name, installed or "not installed", "" if installed else move)
     from gsedit.paper.editors.registry import DEFAULT, EDITORS
 
     _, missing_of = EDITORS.ours[DEFAULT]
@@ -135,46 +133,6 @@ def check_torch() -> Check:
         f"a CPU build of the same version saves gigabytes: pip install torch=={number} "
         "--index-url https://download.pytorch.org/whl/cpu",
     )
-
-
-def check_threads() -> Check:
-    """How many threads torch takes of the processors that this process may use."""
-    import torch
-
-    from gsedit.run.step_threads import is_decided, waited_seconds
-
-    may = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    threads = torch.get_num_threads()
-    advice = ""
-    if threads > may:
-        advice = f"more threads than processors stall each other: add --threads {may}"
-    elif threads < may and "OMP_NUM_THREADS" in os.environ:
-        advice = f"OMP_NUM_THREADS={os.environ['OMP_NUM_THREADS']} leaves processors idle"
-    state = f"{threads} of {may} processors"
-    if threads > 1 and not is_decided() and waited_seconds() is not None:
-        state += "; steps take fewer while other programs take them"
-    return Check("threads", state, advice)
-
-
-def check_memory() -> Check:
-    """Free memory of the system, or of the container if that is less."""
-    from gsedit.paper.diffusion.memory import free_bytes
-
-    free = free_bytes()
-    advice = "close other programs, or use a smaller --size" if free < LITTLE_MEMORY else ""
-    return Check("memory", f"{free / 1e9:.1f} GB free", advice)
-
-
-def check_graphs() -> Check:
-    """Size of the networks that OpenVINO's runtime keeps."""
-    from gsedit.paper.models.runtime import MOST_BYTES, cached_bytes
-
-    version = installed_version("openvino")
-    if version is None:
-        advice = "2D models run faster with it: pip install 'gsedit[openvino]'"
-        return Check("openvino", "not installed", advice)
-    kept = f"{cached_bytes() / 1e9:.1f} of at most {MOST_BYTES / 1e9:.0f} GB of networks are kept"
-    return Check("openvino", f"{version}; {kept}")
 
 
 def check_compiler() -> Check:

@@ -13,7 +13,6 @@ MOVES = {
     "scales a whole scene",
     "select-part": ": mark it with --region and say what changes there, or name the subject, the "
     "background or the whole scene",
-    "select-too": ", and mark what may change with --region",
     "select-kind": ", or say --phrase 'the {kind}'",
     "look": f": look at what is selected with {SHOWN}",
     "look-region": f": look at it with {SHOWN}",
@@ -22,11 +21,11 @@ MOVES = {
     "point": ": point at it with --at VIEW:X,Y and say 'remove it', or save it by a name with "
     "gsedit select ... --as NAME, and say that",
     "any-sentence": f"; for any sentence: {ANY}",
-    "looks": f" (gsedit list looks). For any sentence: {ANY}",
-    "looks-exact": " (gsedit list looks). gsedit does it without a 2D editor: leave the options of "
-    f"editors out. For any sentence: {ANY}",
-    "looks-alone": f" (gsedit list looks): leave it out, or do it alone with {ANY}",
-    "looks-unclear": f": --editor small draws its own, {ANY} follows any sentence",
+    "styles": f" (gsedit list styles), and --like takes a picture's. For any sentence: {ANY}",
+    "like": ": add --like PICTURE",
+    "unlike": ": leave --like out, or say 'in the style of this picture'",
+    "undrawn": ": leave out the options of what a 2D editor draws, or name one that draws it all, "
+    f"as in {ANY}",
     "focal": ": name it with --focal (a phone's main camera: 26), or use the camera's own files "
     "with EXIF",
     "memory": ": try a smaller --size, or close other programs",

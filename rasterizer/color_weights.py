@@ -17,7 +17,7 @@ from rasterizer.blending.cpp_backend import BACKEND
 from rasterizer.camera import Camera
 from rasterizer.cpp_projection.kernel import Request
 from rasterizer.cpp_projection.picture import prepare
-from rasterizer.numerics import AUTO, DEFAULT, Execution, Numerics
+from rasterizer.numerics import AUTO, DEFAULT, Execution, Numerics, ruling
 from rasterizer.preprocess import preprocess, stored_scene
 from rasterizer.scene import Gaussians
 from rasterizer.splat import list_tiles
@@ -72,7 +72,7 @@ def color_weights(
 
     Raises ValueError as `render` does.
     """
-    box = (0, 0, camera.width, camera.height)
+    box, execution = (0, 0, camera.width, camera.height), ruling(execution)
     bare = replace(scene, sh=scene.sh[:, :0])
     found = prepare(bare, Request(camera, box, numerics, execution))
     if found is not None:

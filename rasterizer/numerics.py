@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import inspect
 import math
+from collections.abc import Callable
+from contextvars import ContextVar
 from dataclasses import dataclass, field
-from typing import Any, Literal, get_args
+from functools import wraps
+from typing import Any, Literal, ParamSpec, TypeVar, get_args
 
 SH_DC = 0.28209479177387814
 """Y_00 = 1 / (2 sqrt(pi)), the value of the first spherical harmonic."""
@@ -89,3 +93,28 @@ class Execution:
 
 
 AUTO = Execution()
+_RULING: ContextVar[Execution] = ContextVar("ruling execution", default=AUTO)
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+def ruled(function: Callable[P, T]) -> Callable[P, T]:
+    """Let the `execution` that a function is called with rule all that it renders, unless it is
+    AUTO, or an `execution` is given there."""
+    parameters = inspect.signature(function)
+
+    @wraps(function)
+    def called(*arguments: P.args, **more: P.kwargs) -> T:
+        asked = parameters.bind(*arguments, **more).arguments.get("execution", AUTO)
+        token = _RULING.set(ruling(asked))
+        try:
+            return function(*arguments, **more)
+        finally:
+            _RULING.reset(token)
+
+    return called
+
+
+def ruling(execution: Execution) -> Execution:
+    """An execution; for AUTO, the one that rules."""
+    return _RULING.get() if execution == AUTO else execution

@@ -13,7 +13,7 @@ from rasterizer.blending.backend import median_depths, median_rows
 from rasterizer.camera import Camera
 from rasterizer.color_weights import color_weights
 from rasterizer.cpp_projection.picture import draw
-from rasterizer.numerics import AUTO, DEFAULT, Execution, Numerics
+from rasterizer.numerics import AUTO, DEFAULT, Execution, Numerics, ruling
 from rasterizer.preprocess import features_of, preprocess, stored_scene
 from rasterizer.project import Box
 from rasterizer.scene import Gaussians
@@ -60,7 +60,7 @@ def render(
     """
     if background is not None:
         checks.all_finite("background", background)
-    box = crop or (0, 0, camera.width, camera.height)
+    box, execution = crop or (0, 0, camera.width, camera.height), ruling(execution)
     drawn = draw(scene, camera, box, numerics, execution, depth=depth, median=median_depth)
     if drawn is not None:
         return _composed(*drawn, background, depth)

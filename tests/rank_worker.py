@@ -13,7 +13,9 @@ from gsedit.bench.synthetic import demo_scene, surface_gaussians
 from gsedit.capture.fitting.settings import UpdateSettings
 from gsedit.errors import GseditError
 from gsedit.paper.diffusion.settings import SamplerSettings
-from gsedit.paper.editors import Capabilities, EditProgress, make_editor
+from gsedit.paper.editors import Capabilities, EditProgress
+from gsedit.paper.editors.closed_form import ClosedForm, Perturbation
+from gsedit.paper.editors.sampling import DiffusionEditor
 from gsedit.paper.strategies.single_pass import SinglePass
 from gsedit.run.ranks import Ranks, join
 from gsedit.views.dataset import capture
@@ -35,6 +37,30 @@ def captured():
     cameras = circle(middle, 0.7, solid.up, 9, SIZE, elevation=20.0, fov=45.0)
     views = capture(scene, cameras, [f"view_{i}" for i in range(9)])
     return scene, Dataset(views, scene.means[:200].double())
+
+
+@dataclass(frozen=True, eq=False)
+class Network(ClosedForm):
+    """A denoiser that declares a network, and so has its views shared out: it draws nothing."""
+
+    perturbation: Perturbation = field(default_factory=lambda: Perturbation(0.0, 0.0, 0.0))
+
+    @property
+    def capabilities(self) -> Capabilities:
+        return Capabilities(with_micro_batch=lambda views: self)
+
+    def condition(self, originals, prompt, generator):
+        return super().condition(originals, prompt, torch.Generator())
+
+
+@dataclass(frozen=True, eq=False)
+class Networked(DiffusionEditor):
+    """Its editor, whose cost nobody measures: several ranks would not."""
+
+    @property
+    def capabilities(self) -> Capabilities:
+        shared = super().capabilities.with_ranks
+        return Capabilities(with_micro_batch=lambda views: self.denoiser, with_ranks=shared)
 
 
 @dataclass(frozen=True)
@@ -123,8 +149,8 @@ def run_primitives(ranks: Ranks):
 def everything(ranks: Ranks):
     return {
         "primitives": run_primitives(ranks),
-        "edit": run_edit(ranks, make_editor("small"), views=3, rounds=2),
-        "one view": run_edit(ranks, make_editor("small"), views=1),
+        "edit": run_edit(ranks, Networked(Network()), views=3, rounds=2),
+        "one view": run_edit(ranks, Networked(Network()), views=1),
         "spray": run_edit(ranks, Spray(), views=2),
         "fit": run_fit(ranks),
     }

@@ -12,6 +12,7 @@ from typing import Any
 
 from gsedit.words.colors import distance, lab_of
 from gsedit.words.instruction import Change
+from gsedit.words.lexicon import style_words
 from gsedit.words.read import read_instruction
 
 SAME = {
@@ -59,6 +60,8 @@ def agrees(made: dict[str, Any], asked: dict[str, Any]) -> bool:
         return False
     if made["kind"] in ("object", "growth"):
         return acts_alike(made, asked)
+    if made["route"] == "style" and style_words().get(asked["name"]) == made["name"]:
+        return True
     one, other = tokens(made["name"]), tokens(asked["name"])
     return one <= other or other <= one
 

@@ -25,6 +25,13 @@ def random_table(n: int = 300, degree: int = 3, seed: int = 0) -> SplatTable:
     )
 
 
+def near_grey(n: int, degree: int, seed: int = 0) -> SplatTable:
+    """Colors in [0, 1], in one place of space: inside the ranges of every format."""
+    table = random_table(n, degree, seed)
+    sh = np.concatenate((table.sh[:, :1].clip(-1.7, 1.7), table.sh[:, 1:]), 1)
+    return table.replace(sh=sh, means=table.means.clip(-1.5, 1.5))
+
+
 def angles(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Between the rotations of quaternions, radians."""
     a, b = (q.astype(np.float64) / np.linalg.norm(q, axis=1, keepdims=True) for q in (a, b))

@@ -76,7 +76,7 @@ def test_held_out_views_are_never_edited(scene, data):
 
 def test_later_batches_are_anchored_by_finished_views_as_they_are(scene, data):
     editor = Swapped()
-    result = run(scene, data, editor)[-1]
+    result = run(scene, data, editor, replace(SMALL, held_out_edits=0))[-1]
     batch = editor.batch
     assert batch.anchored.tolist() == [False] * 3 + [True] * (len(batch.anchored) - 3)
     assert batch.anchored.any()
@@ -167,14 +167,14 @@ def test_requests_that_cannot_be_met_are_refused_before_any_work(scene, data):
     with pytest.raises(UsageError, match="update steps"):
         SinglePass(0)
     with pytest.raises(UsageError, match=r"SinglePass\(\)"):
-        gsedit.edit(scene, PROMPT, views=data, strategy=SinglePass)
+        gsedit.edit(scene, "as a woodcut", views=data, strategy=SinglePass)
 
 
 def test_the_python_api_reads_edits_and_writes(tmp_path, scene, quick_search):
     path = tmp_path / "scene.ply"
     gsedit.save(scene, path)
     quick = replace(SMALL, batches=1)
-    result = gsedit.edit(gsedit.load(path), "make it snow", settings=quick, strategy=SinglePass(1))
+    result = gsedit.edit(gsedit.load(path), "as a woodcut", settings=quick, strategy=SinglePass(1))
     gsedit.save(result.scene, tmp_path / "edited.ply")
     again = gsedit.load(tmp_path / "edited.ply")
     assert torch.equal(again.sh, result.scene.sh)

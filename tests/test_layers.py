@@ -33,7 +33,7 @@ ORDER = {
         "errors",
     ),
     "rasterizer": (
-        "reference", "rasterization", "gsplat_inputs", "pixel_lists",
+        "reference", "rasterization", "gsplat_inputs",
         "render", "color_weights",
         "cpp_projection", "splat",
         "preprocess", "checks",

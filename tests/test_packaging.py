@@ -58,7 +58,7 @@ def test_every_file_that_is_no_module_is_package_data(pyproject):
     assert declared == data
     assert {Path(name).name for name in data} >= {
         "chunk.h", "kernel.cpp", "simd.h", "photometric.cpp", "adam.cpp",
-        "small.safetensors", "MODEL_CARD.md",
+        "styles.safetensors", "MODEL_CARD.md",
     }  # fmt: skip
 
 

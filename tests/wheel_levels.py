@@ -36,7 +36,7 @@ def child() -> None:
     """Compare the kernels that this process gets with torch. Raises AssertionError."""
     import torch
 
-    from gsedit.capture.fitting import lazy_adam
+    from gsedit.capture.fitting import adam
     from gsedit.capture.fitting.photometric import photometric
     from rasterizer import Camera, Execution, Gaussians, compiled, render
     from rasterizer.blending import cpp_backend
@@ -61,10 +61,10 @@ def child() -> None:
         slopes.append(inputs.means.grad)
     apart = float((pictures[0] - pictures[1]).abs().max())
     turned = float((slopes[0] - slopes[1]).norm() / slopes[0].norm())
-    moved = [lazy_adam.Moving(where.clone(), torch.zeros_like(where), torch.zeros_like(where))
+    moved = [adam.Moving(where.clone(), torch.zeros_like(where), torch.zeros_like(where))
              for _ in range(2)]  # fmt: skip
     for each, by_kernel in zip(moved, (False, True)):
-        lazy_adam.step(each, slopes[0], None, 0.01, 1.0, compiled=by_kernel)
+        adam.step(each, slopes[0], 0.01, 1.0, compiled=by_kernel)
     stepped = float((moved[0].value - moved[1].value).abs().max())
     sys.stdout.write(
         f"{made.compiler}: {apart:.1e} of the picture, {turned:.1e} of the gradient, "

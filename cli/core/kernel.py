@@ -52,14 +52,14 @@ def say_kernel(execution: Execution, parts: tuple[Part, ...] = RENDERS) -> None:
 
 def sources(parts: tuple[Part, ...]) -> dict[Part, Path]:
     """Return the C++ file of each part."""
-    from gsedit.capture.fitting import lazy_adam, photometric
+    from gsedit.capture.fitting import adam, photometric
     from rasterizer.blending import cpp_backend
     from rasterizer.cpp_projection import kernel as front
 
     files: dict[Part, Path] = {
         "blending": cpp_backend.SOURCE,
         "projection": front.SOURCE,
-        "optimizer": lazy_adam.SOURCE,
+        "optimizer": adam.SOURCE,
         "loss": photometric.SOURCE,
     }
     return {part: files[part] for part in parts}

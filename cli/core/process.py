@@ -62,8 +62,7 @@ def process(
         for _ in blocks:
             pass
     else:
-        options = files.write(output.out)
-        write_scene(output.out, header, blocks, options=options, overwrite=output.force)
+        write_scene(output.out, header, blocks, overwrite=output.force)
     write_companions()
     if output.drop_invalid and first.invalid:
         print_message(f"{path}: rows left out by --drop-invalid: {first.invalid:,}")
@@ -114,7 +113,7 @@ def companions(path: Path, output: Output, operations: list[Any]) -> Callable[[]
 
     def write() -> None:
         for each in saving:
-            from gsedit.toolkit.similarity_files import write_similarity
+            from gsedit.toolkit.transform import write_similarity
 
             write_similarity(each.moved, each.save, overwrite=output.force)
             print_message(f"the similarity: {each.save}")

@@ -16,7 +16,7 @@ from ..core.current import current_scene
 
 if TYPE_CHECKING:
     from gsedit.formats.scenes import SceneFile
-    from gsedit.formats.streams import ReadOptions, WriteOptions
+    from gsedit.formats.streams import ReadOptions
     from gsedit.measures.features import FeatureExtractor
     from rasterizer.scene import Gaussians
 
@@ -74,12 +74,10 @@ class Data:
 
 @dataclass(frozen=True)
 class FileOptions:
-    """How files are read and written, where the format leaves a choice."""
+    """How files are read that do not say it themselves."""
 
     spz_frame: Literal["rub", "rdf"] = option("rub")
     """Axes of an .spz that names none: rub (its specification), or rdf."""
-    spz_version: int = option(3, flags=None, min=3, max=4)
-    """Version of the .spz to write."""
     samples: int = option(100000, min=1)
     """Gaussians on the surface of a mesh that is read."""
 
@@ -87,17 +85,6 @@ class FileOptions:
         from gsedit.formats.streams import ReadOptions
 
         return ReadOptions(spz_frame=self.spz_frame, samples=self.samples)
-
-    def write(self, out: Path) -> WriteOptions:
-        """Return the options for a scene at `out`; what its format rounds more than usual is
-        printed."""
-        from gsedit.formats.streams import WriteOptions
-
-        return WriteOptions(
-            spz_version=self.spz_version,
-            spz_frame=self.spz_frame,
-            say=lambda text: print_message(f"{out}: {text}"),
-        )
 
 
 def numbers(flag: str, text: str, *counts: int) -> list[float]:

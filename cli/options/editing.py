@@ -47,8 +47,14 @@ class EditorOptions:
     """Options of the 2D editor that follows the instruction."""
 
     editor: str = option(AUTO, "NAME")
-    """2D editor (see gsedit list editors). auto: tone, paint, materials, light and weather on the
-    scene itself, small for the rest."""
+    """2D editor (see gsedit list editors). auto: painter for painting styles, all else on the scene
+    itself. Any other one draws the whole sentence."""
+    like: Path | None = option(None, "PICTURE")
+    """painter: the picture that has the style, for "in the style of this picture"."""
+    strength: float | None = option(None, "SHARE")
+    """painter: how far pictures go to the style, from 0 to 1. None: 1."""
+    keep_colors: bool = option(False)
+    """painter: keep the colors of the scene, and paint its brightness alone."""
     model: str | None = option()
     """pix2pix, diffusers: a folder of weights, or a Hugging Face id."""
     weights_dir: Path | None = option()
@@ -70,6 +76,13 @@ class EditorOptions:
 
         return replace(self, editor=DEFAULT) if self.editor == AUTO else self
 
+    @property
+    def draws_all(self) -> bool:
+        """Whether the editor gets the whole sentence as it is, and not only its styles."""
+        from gsedit.paper.editors.registry import DEFAULT
+
+        return self.settled().editor != DEFAULT
+
     def make(self, out: Path, instruction: str | None, precision: Precision = "auto") -> Editor:
         """Make the editor, which may keep files below `out`.
 
@@ -80,6 +93,9 @@ class EditorOptions:
 
         editor = make_editor(
             self.settled().editor,
+            like=self.like,
+            strength=self.strength,
+            keep_colors=self.keep_colors or None,
             model=self.model,
             weights_dir=self.weights_dir,
             runtime=self.runtime,
@@ -195,7 +211,7 @@ def idle_settings(values: Values, settings: EditSettings) -> list[str]:
 
 
 def asks_editor(editor: EditorOptions, values: Values) -> bool:
-    """Whether an option asks that a 2D editor draws all of a sentence."""
+    """Whether an option is for what a 2D editor draws."""
     from gsedit.editing.plan import HEEDED
 
     return editor != EditorOptions() or any(path[0] not in HEEDED for path in values)
@@ -225,12 +241,12 @@ def names_of(scene: Path, masks: MaskOptions, steps: Sequence[Instruction]) -> N
 
     Raises UsageError for masks that cannot look for a phrase, or that have none to look for.
     """
-    from gsedit.editing.plan import is_exact
+    from gsedit.editing.plan import PICTURE
     from gsedit.select.finder import Names
     from gsedit.select.saved import saved_files
     from gsedit.words.phrases import IT
 
-    if not any(map(is_exact, steps)):
+    if any(each.route == PICTURE for step in steps for each in step.changes):
         masks.check_unused()
     phrases = [each.phrase for step in steps for each in step.changes]
     told = next((phrase for phrase in phrases if phrase not in ("", IT)), None)

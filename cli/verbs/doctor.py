@@ -24,8 +24,8 @@ def doctor(
 
     gsedit doctor models/instruct-pix2pix
 
-    Without MODEL: libraries, torch, threads, memory; the exit code is 0 whatever is
-    missing. With MODEL, the exit code is 3 if its weights are incomplete.
+    Without MODEL: libraries, torch and the compiler; the exit code is 0 whatever is missing. With
+    MODEL, the exit code is 3 if its weights are incomplete.
     """
     if model is None:
         check_machine()

@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from gsedit.errors import UsageError
+from gsedit.errors import Said, UsageError
 
 from ..core.checkpoints import NAME, Checkpoints, Resumes, load_resume_state, say_threads
 from ..core.command import Seeded, Settings, Values, argument, option, shows, with_values
@@ -89,15 +89,22 @@ class EditCommand:
     """Whether the size of the views, where there is one, was asked for."""
 
     @property
-    def drawn(self) -> bool:
-        """Whether an option asks that a 2D editor draws all."""
+    def asks(self) -> bool:
+        """Whether an option is for what a 2D editor draws."""
         own, usual = self.own, EditOptions()
         asks = (own.preset, own.features) != (usual.preset, usual.features)
         return asks or asks_editor(self.editor, self.values)
 
     def steps(self) -> tuple[Words, ...]:
-        """Return the steps of the sentence. Raises UsageError for one that is refused."""
-        return read_sentence(self.instruction, self.scene, drawn=self.drawn)
+        """Return the steps of the sentence. Raises UsageError for one that is refused, and for
+        options of a 2D editor where nothing is drawn."""
+        from gsedit.editing.plan import is_exact
+
+        steps = read_sentence(self.instruction, self.scene, drawn=self.editor.draws_all)
+        if self.asks and all(map(is_exact, steps)):
+            what = f"{self.instruction.strip()!r} asks for nothing that is drawn"
+            raise UsageError(Said(what, "undrawn"))
+        return steps
 
     def kept(self) -> dict[str, Any]:
         """Return the part of the request that a checkpoint keeps beside the library's."""
@@ -173,16 +180,16 @@ def check_request(instruction: str, views: ViewOptions, own: EditOptions, out: P
 def run_preview(asked: EditCommand) -> None:
     """Write one view before and after, as a picture: nothing else is written."""
     from gsedit.editing.plan import is_exact
-    from gsedit.editing.preview import preview_edited, preview_exact
+    from gsedit.editing.preview import drawn_region, preview_edited, preview_exact
     from gsedit.formats.pictures import save_picture
     from gsedit.paper.settings import EditSettings
     from gsedit.run.atomic import check_writable
+    from gsedit.select.finder import Finder
     from gsedit.views.viewpoints import same_size
 
     path, common = asked.folder, asked.common
     check_writable(path, overwrite=asked.own.force)
-    drawn = asks_editor(asked.editor, asked.values)
-    steps = read_sentence(asked.instruction, asked.scene, drawn=drawn)
+    steps = asked.steps()
     first, exact = steps[0], is_exact(steps[0])
     names = names_of(asked.scene, asked.masks, steps[:1])
     own = {at: value for at, value in asked.values.items() if at[0] != "strategy"}
@@ -195,17 +202,21 @@ def run_preview(asked: EditCommand) -> None:
     viewpoints = same_size(found.viewpoints, asked.views.pixels)
     if len(steps) > 1:
         print_message(f"the first of {len(steps)} steps: {first.text}")
-    if followed is None:
+    if not asked.editor.draws_all:
         print_message(f"understood as: {first}")
+    if followed is None:
         with numbered(path.with_name(OBJECTS), gaussians, viewpoints):
             shown = preview_exact(gaussians, first, viewpoints, settings, names)
         for note in shown.notes:
             print_message(note)
     else:
-        settings = at_size(settings, followed, asked.views.size)
+        settings, region = at_size(settings, followed, asked.views.size), None
+        if not asked.editor.draws_all:
+            finder = Finder(gaussians, viewpoints, settings.region, names, settings.execution)
+            region = drawn_region(finder, first, followed)
         shown = preview_edited(
             gaussians, first.text, viewpoints[0].camera, followed, (common.seed,),
-            settings.sampler, settings.execution, settings.edit_size,
+            settings.sampler, settings.execution, settings.edit_size, region,
         )  # fmt: skip
     save_picture(shown.picture(), path, overwrite=asked.own.force)
     print_result({"picture": path}, str(path))
@@ -235,7 +246,7 @@ def run_edit(asked: EditCommand) -> EditResult | None:
     settings, how = asked_of_editor(asked, exact=exact)
     gaussians = asked.load()
     say_kernel(settings.execution, RENDERS if exact else UPDATES)
-    if not asked.drawn:
+    if not asked.editor.draws_all:
         print_message(f"understood as: {'; '.join(map(str, steps))}")
     views = views_of(asked.scene, gaussians, asked.views, settings.execution, drawn=not exact)
 
@@ -282,7 +293,7 @@ def asked_of_editor(asked: EditCommand, *, exact: bool) -> tuple[EditSettings, d
     """
     own, values = asked.own, asked.values
     settings, strategy = resolve(own.preset, values)
-    if exact or not asked.drawn:
+    if exact or not asked.asks:
         return settings, {}
     from gsedit.paper import request as traits
 
@@ -291,7 +302,8 @@ def asked_of_editor(asked: EditCommand, *, exact: bool) -> tuple[EditSettings, d
         print_message(f"{', '.join(idle)}: no effect where colors are solved for (--loss mse)")
     if settings.condition == "photo" and asked.views.data is None:
         raise UsageError("--condition photo shows the editor the photos: name them with --data")
-    followed = asked.instruction if traits.asks_editor(strategy) else None
+    whole = asked.editor.draws_all and traits.asks_editor(strategy)
+    followed = asked.instruction if whole else None
     editor = asked.editor.make(asked.folder, followed, settings.sampler.precision)
     settings = at_size(settings, editor, asked.views.size if asked.sized else None)
     features = load_features(own.features)

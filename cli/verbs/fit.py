@@ -29,7 +29,7 @@ from ..core.outputs import check_scene_file
 from ..core.progress import progress, result_of
 from ..core.ranks import drain, is_first, ranks
 from ..options.cameras import load_photos
-from ..options.common import FileOptions, Reads, load_scene
+from ..options.common import Reads, load_scene
 
 if TYPE_CHECKING:
     from gsedit.capture.fitting.fit import FitResult
@@ -142,7 +142,7 @@ def run_fit(
         with progress() as show:
             result = result_of(steps, {Event: show, Checkpoint: checkpoints.keep})
         say_too_short(result, settings)
-        save(result.scene, own.out, overwrite=own.force, options=FileOptions().write(own.out))
+        save(result.scene, own.out, overwrite=own.force)
         write_places(photos, frame, own.out, own.force)
     return result
 

@@ -28,7 +28,7 @@ What = Annotated[
     argument(
         "editors|masks|presets|looks|styles|settings",
         "editors: the 2D editors and what each needs. masks: what finds a phrase in pictures. "
-        "presets: what gsedit edit --preset sets. looks: the changes that the editor small knows. "
+        "presets: what gsedit edit --preset sets. looks: materials, lights, weather and styles. "
         "styles: the painting styles, and what asks for them. "
         "settings: what --set NAME=VALUE accepts.",
     ),
@@ -146,21 +146,14 @@ def editor_text(listing: Listing) -> str:
 
 
 def list_looks() -> None:
-    """Print every look, those of the subject first."""
-    from gsedit.words.direct import UNCLEAR
-    from gsedit.words.looks import LOOKS
+    """Print every material, light, weather and painting style that a sentence may name."""
+    from gsedit.words.lexicon import looks
 
-    for look in LOOKS.values():
-        record = {"name": look.name, "scope": look.scope, "wording": look.wording}
-        print_result(record, f"{look.name:<16} {look.scope:<8} {look.wording}")
+    for kind, names in looks().items():
+        for name in names:
+            print_result({"name": name, "kind": kind}, f"{kind:<10} {name}")
     if not as_json.get():
-        print_message(
-            "ask in your own words, for one look of the subject, one of the scene, or both; test a "
-            'sentence: gsedit list looks "SENTENCE"\n'
-            "--editor small draws all of these. By default they are done on the Gaussians, "
-            f"{', '.join(sorted(UNCLEAR))} are refused, and small draws only what is asked for "
-            "as impressionist: its watercolor, hardly seen"
-        )
+        print_message('test a sentence: gsedit list looks "SENTENCE"')
 
 
 def explain_sentence(sentence: str) -> None:

@@ -55,11 +55,9 @@ Other = Annotated[
 
 
 @dataclass(frozen=True)
-class InfoOptions(Writes):
+class InfoOptions:
     """How a scene file is shown, or checked for defects."""
 
-    plot: Path | None = option(None, "PNG")
-    """Picture of histograms to write."""
     check: bool = option(False)
     """List every defect instead, with its rows and the command that mends it."""
     quick: bool = option(False)
@@ -71,7 +69,7 @@ class InfoOptions(Writes):
 def info(scene: Scene, *, checks: InfoOptions, files: FileOptions) -> None:
     """Show what a scene file holds, or with --check its defects.
 
-    gsedit info scene.ply --plot histograms.png
+    gsedit info scene.ply
 
     gsedit info scene.ply --check
 
@@ -83,34 +81,26 @@ def info(scene: Scene, *, checks: InfoOptions, files: FileOptions) -> None:
 
     if not checks.check and (checks.quick or checks.strict):
         raise UsageError("--quick and --strict belong to --check: add it")
-    if checks.check and checks.plot is not None:
-        raise UsageError("--check draws no histograms: leave out --plot")
-    check_file(checks.plot, checks.force)
     source = open_scene(scene, files.read())
     if checks.check:
         check_scene(scene, source, checks)
     else:
-        show_summary(scene, source, checks)
+        show_summary(scene, source)
 
 
-def show_summary(scene: Path, source: SceneSource, own: InfoOptions) -> None:
-    """Print the summary of a scene, and draw its histograms."""
+def show_summary(scene: Path, source: SceneSource) -> None:
+    """Print the summary of a scene."""
     from gsedit.pictures.scene_table import summary_table
     from gsedit.toolkit.scene_summary import summarise
 
-    (summary, sample), plot = summarise(source), own.plot
-    if plot is not None:
-        from gsedit.pictures.scene_table import plot_histograms
-
-        plot_histograms(sample, scene.name, plot, overwrite=own.force)
-    size = bytes_of(source.path)
-    record = {"file": scene, "bytes": size, **of_file(source), **asdict(summary), "plot": plot}
-    print_result(record, summary_table(source, size, summary, plot))
+    (summary, _), size = summarise(source), bytes_of(source.path)
+    record = {"file": scene, "bytes": size, **of_file(source), **asdict(summary)}
+    print_result(record, summary_table(source, size, summary))
 
 
 def check_scene(scene: Path, source: SceneSource, checks: InfoOptions) -> None:
     """Print the defects of a scene. Exits with 1 where rows are invalid, or for any if strict."""
-    from gsedit.toolkit.check import check, defect_record, defect_table
+    from gsedit.toolkit.defects import check, defect_record, defect_table
 
     for note in source.notes:
         print_message(f"{scene}: {note}")
@@ -238,27 +228,23 @@ def views_of(
 
 def draw(result: SceneDifference, pair: Pair, out: Path, force: bool) -> None:
     """Write the picture: the worst view, and evenly spaced ones of the others."""
-    from gsedit.pictures.difference_picture import Pair as Pictures
-    from gsedit.pictures.difference_picture import difference_picture
+    from gsedit.pictures.difference_sheet import difference_picture
     from gsedit.scene.picture import render_picture
-    from gsedit.views.dataset import evenly_spaced
+    from gsedit.views.dataset import View, evenly_spaced
 
     worst = result.views.index(result.worst)
     others = [index for index in range(len(result.views)) if index != worst]
     chosen = [worst, *(others[i] for i in evenly_spaced(len(others), PICTURED_VIEWS - 1))]
-    pairs = []
-    for index in chosen:
-        view, camera = result.views[index], pair.viewpoints[index].camera
-        title = (
-            f"{Path(view.name).stem[:24]}: {view.psnr:.1f} dB{' (worst)' if index == worst else ''}"
-        )
-        before, after = (
-            render_picture(scene, camera, pair.execution, own)
-            for scene, own in zip(pair.scenes, pair.numerics)
-        )
-        pairs.append(Pictures(title, before, after))
-    names = pair.paths[0].name, pair.paths[1].name
-    difference_picture(pairs, names, out, overwrite=force)
+    views = [pair.viewpoints[index] for index in chosen]
+    before, after = (
+        [
+            View(each.name, each.camera, render_picture(scene, each.camera, pair.execution, own))
+            for each in views
+        ]
+        for scene, own in zip(pair.scenes, pair.numerics)
+    )
+    first = f"{pair.paths[0].name}, the worst view first: {result.worst.psnr:.1f} dB"
+    difference_picture(before, after, (first, pair.paths[1].name), out, overwrite=force)
 
 
 @dataclass(frozen=True)

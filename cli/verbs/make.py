@@ -19,7 +19,7 @@ from ..core.exits import Interrupted
 from ..core.outputs import check_folder
 from ..options.cameras import ViewOptions
 from ..options.common import Writes
-from ..options.editing import EditorOptions, asks_editor, read_sentence
+from ..options.editing import EditorOptions, read_sentence
 from .capture import Source, capture_summary, run_capture, settings_from
 from .edit import EditCommand, EditOptions, Instruction, run_edit
 from .fit import FitOptions, Recipe, run_fit
@@ -122,7 +122,7 @@ class Work:
             check_frames(self.photos, self.posing)
         from gsedit.editing.plan import is_exact
 
-        for step in read_sentence(self.instruction, drawn=asks_editor(self.editor, {})):
+        for step in read_sentence(self.instruction, drawn=self.editor.draws_all):
             if not is_exact(step):
                 self.editor.make(self.edit, step.text)
 

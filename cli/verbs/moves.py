@@ -121,7 +121,7 @@ def _value(name: str, text: str) -> Any:
     if name == "up":
         return text.split(",")
     if name == "matrix":
-        from gsedit.toolkit.similarity_files import read_similarity
+        from gsedit.toolkit.transform import read_similarity
 
         return read_similarity(Path(text)).matrix
     return text

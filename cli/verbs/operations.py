@@ -312,16 +312,15 @@ def recolor(
     """
     part, grade = selection.selection(), grading.grade()
 
-    from gsedit.toolkit import palette as palettes
     from gsedit.toolkit.grade import Grade
     from gsedit.toolkit.operation import OnOnePart
-    from gsedit.toolkit.recolor import Opacity, Recolor
+    from gsedit.toolkit.recolor import Opacity, Palette, Recolor
 
     operations: list[Operation] = []
     if grade != Grade():
         operations.append(Recolor(grade, selection=part))
     if own.palette is not None:
-        operations.append(palettes.Palette(own.palette, own.strength, selection=part))
+        operations.append(Palette(own.palette, own.strength, selection=part))
     if own.opacity is not None or own.opacity_scale != 1:
         operations.append(Opacity(own.opacity, own.opacity_scale, selection=part))
     if not operations:

@@ -64,7 +64,7 @@ class RenderOptions(Reads, Writes):
     box:x0,y0,z0,x1,y1,z1, sphere:x,y,z,r, a .npy file, or masks."""
     prompt: str | None = option(None, "INSTRUCTION")
     """The instruction that --region auto is for."""
-    editor: str = option("small", flags=None)
+    editor: str = option("painter", flags=None)
     """The 2D editor that --region auto asks."""
 
     @property

@@ -16,7 +16,7 @@ import torch
 from onnx import numpy_helper  # pyright: ignore[reportMissingImports]
 from safetensors.torch import save_file
 
-from gsedit.select.saliency import Block, U2Net
+from gsedit.select.subject import Block, U2Net
 
 
 def in_order(network: U2Net) -> list[torch.nn.Module]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from gsedit.errors import MOVES, GseditError, Said
 
-_LOOK = ": say another, as “a pencil sketch”"
 ON_PAGE = {
     "select": ": select it by a click, and say 'it'",
     "select-change": ": select what should change by a click",
@@ -12,7 +11,6 @@ ON_PAGE = {
     "select-less": ": select less; the handles under Tools move a whole scene",
     "select-part": ": select it by a click and say what changes there, or name the subject, the "
     "background or the whole scene",
-    "select-too": ", and select what may change by a click",
     "select-kind": ", or select 'the {kind}' by words",
     "look": "",
     "look-region": "",
@@ -20,10 +18,10 @@ ON_PAGE = {
     "objects-masks": "; or click on it",
     "point": ": select it by a click and say 'remove it'",
     "any-sentence": "",
-    "looks": _LOOK,
-    "looks-exact": _LOOK,
-    "looks-alone": ": leave it out, or say another look, as “a pencil sketch”",
-    "looks-unclear": _LOOK,
+    "styles": "",
+    "like": ": load one",
+    "unlike": "",
+    "undrawn": "",
     "focal": ": use the camera's own files with EXIF",
     "memory": ": close other programs",
     "memory-again": ": close other programs, and make the scene again: it goes on",

@@ -20,7 +20,7 @@ from gsedit.editing.edit import change_steps
 from gsedit.editing.measure import Changed
 from gsedit.editing.parts import SUBJECT
 from gsedit.editing.plan import is_exact
-from gsedit.editing.preview import preview_edited, shown_by
+from gsedit.editing.preview import drawn_region, preview_edited, shown_by
 from gsedit.errors import GseditError
 from gsedit.paper.settings import EditSettings
 from gsedit.run.events import returned
@@ -70,9 +70,10 @@ class Previewer:
     def picture(self, reading: Reading, camera: Camera) -> UInt8[np.ndarray, "h w 3"]:
         """One view as the 2D editor draws it. Raises UsageError as `preview_edited` does."""
         assert reading.first is not None  # what is refused has no preview
+        region = drawn_region(self.finder, reading.first, editor_2d())
         found = preview_edited(
             self.loaded.scene, reading.first.text, camera, editor_2d(),
-            execution=self.settings.execution, size=EDITED_PIXELS,
+            execution=self.settings.execution, size=EDITED_PIXELS, region=region,
         )  # fmt: skip
         return (found.after[0].image.clamp(0, 1) * 255 + 0.5).byte().numpy()
 

@@ -94,10 +94,10 @@ USUAL_COUNT = 148_625
 SECONDS = {"tone": 1.0, "paint": 3.5, "material": 4.5, "light": 3.5, "scenery": 3.5, "object": 7.0}
 """Seconds of work by route for a scene of USUAL_COUNT Gaussians on two cores, nothing beside it."""
 EDITOR_SECONDS = 16.0
-"""Seconds of work of the small 2D editor, whatever the size of the scene."""
+"""Seconds of work of a 2D editor, whatever the size of the scene."""
 DONE_BY = {"tone": "colors", "paint": "colors", "material": "colors and light", "light": "light",
-           "scenery": "weather", "object": "objects"}  # fmt: skip
-"""Words for the routes of changes on the Gaussians; the others are the 2D editor's."""
+           "scenery": "weather", "object": "objects", "style": "painter"}  # fmt: skip
+"""Words for the routes of changes."""
 
 
 @dataclass(frozen=True)
@@ -152,7 +152,7 @@ def read(text: str, names: Iterable[str] = (), places: Places | None = None) -> 
 
 @cache
 def editor_2d() -> Editor:
-    """The 2D editor of `gsedit edit` for what is not done on the Gaussians."""
+    """The painter, which `gsedit edit` asks for what is not done on the Gaussians."""
     return make_editor()
 
 
@@ -160,7 +160,7 @@ def _line(change: Change, *, selected: bool) -> str:
     said = str(change)
     if selected and change.target == "subject" and not change.phrase:
         said = said.replace("the subject", "the selection")
-    way = DONE_BY.get(change.route, "2D editor")
+    way = DONE_BY[change.route]
     return f'{_swatch(change.color)}{escape(said)} <span style="opacity:.7">· {escape(way)}</span>'
 
 

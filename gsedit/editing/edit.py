@@ -14,15 +14,15 @@ from torch import Tensor
 from gsedit.editing.measure import Changed, changed_by, measured
 from gsedit.editing.painters import PAINTERS, Looking
 from gsedit.editing.parts import aimed_at, assumed, find_parts
-from gsedit.editing.plan import PICTURE, asks_editor_2d, is_exact, read_steps, runs_of
+from gsedit.editing.plan import asks_editor_2d, is_exact, key_of, read_steps, runs_of
 from gsedit.editing.result import EditResult
-from gsedit.errors import UsageError
+from gsedit.errors import Said, UsageError
 from gsedit.measures.features import FeatureExtractor
 from gsedit.paper.actions import Strategy
 from gsedit.paper.draw import EditPlan, draw, explain
 from gsedit.paper.editors import make_editor
 from gsedit.paper.protocol import Editor
-from gsedit.paper.request import Method, Request, build_request
+from gsedit.paper.request import Method, Request, asks_editor, build_request
 from gsedit.paper.settings import EditSettings
 from gsedit.paper.strategies.single_pass import SinglePass
 from gsedit.run.events import Checkpoint, Event
@@ -54,9 +54,9 @@ def edit_steps(
     """Edit a scene; yields events and checkpoints while a 2D editor draws, and last the result.
 
     The sentence is read (gsedit.words). Changes with an exact route are made on the Gaussians;
-    other looks are given to a 2D editor (`small`), which refuses what it cannot draw. `views` are
+    painting styles are drawn by the painter, each in the part that it is said of. `views` are
     photos or cameras; None: some are found. `how`: see `prepare`, which raises UsageError for a
-    sentence that is refused; with an `editor`, that draws the whole sentence.
+    sentence that is refused; with another `editor`, that draws the whole sentence.
     """
     job = prepare(scene, sentence, views, **how)
     watch, finder = Stopwatch(), job.finder
@@ -88,9 +88,9 @@ def change_steps(
                 with watch.stage("change"):
                     made = PAINTERS[run[0].route](total.scene, run, parts.flags, looking)
             elif job is None:
-                raise UsageError(f"{step} has no exact route: edit with --editor small")
+                raise UsageError(f"{step}: this is drawn, and there is nothing to draw it with")
             else:
-                request = job.request(total.scene, step.text, parts.now(PICTURE))
+                request = job.request(total.scene, step.text, parts.now(key_of(run[0])))
                 made = drawing = yield from draw(request, job.state_for(step))
             parts, total = parts.after(run[0], made), total.then(made)
     return changed_by(scene, steps, parts, total, drawing, assumed(steps, finder.names))
@@ -109,8 +109,9 @@ def plan_edit(
     job = prepare(scene, sentence, views, **how)
     assert job.method is not None
     step = next(each for each in job.steps if not is_exact(each))
+    (step,) = aimed_at((step,), job.finder.region)
     parts = find_parts((step,), job.finder, job.method.editor)
-    return explain(job.request(scene, step.text, parts.now(PICTURE)))
+    return explain(job.request(scene, step.text, parts.now(key_of(step.changes[0]))))
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,16 +157,18 @@ def prepare(
 ) -> Job:
     """Read a sentence, and check what is asked; without views, some are searched.
 
-    With an editor, a strategy, features, or a setting other than `region` and `execution`, the 2D
-    editor (`small` if none is given) draws all of it, by the strategy (the single pass). `names`
+    The `editor` (the painter) draws its painting styles by the strategy (the single pass); one that
+    is no painter draws all of it, and so is all drawn by a strategy that asks no editor. `names`
     are those of saved selections, and masks for nouns. `resume` is the state of a checkpoint of the
     same edit, `ranks` processes that share the work. Raises UsageError for a sentence that is
-    refused, masks that nothing asks for, an empty scene.
+    refused, what only a drawing heeds where nothing is drawn, masks that nothing asks for, an empty
+    scene.
     """
     if not len(scene):
         raise UsageError("the scene is empty: there is nothing to edit")
     settings, names = settings or EditSettings(), names or Names()
-    drawn = bool(editor or strategy or features or asks_editor_2d(settings))
+    asks = strategy is None or asks_editor(strategy)
+    drawn = not asks or (editor is not None and not editor.capabilities.paints_styles)
     steps = read_steps(sentence, tuple(names.saved), drawn=drawn)
     method = None
     if not all(map(is_exact, steps)):
@@ -176,9 +179,11 @@ def prepare(
         for step in steps:
             if not is_exact(step):
                 method.check(step.text)
-    if names.masks is not None and not any(map(is_exact, steps)):
+    elif editor or strategy or features or asks_editor_2d(settings):
+        raise UsageError(Said(f"{sentence.strip()!r} asks for nothing that is drawn", "undrawn"))
+    if names.masks is not None and drawn:
         raise UsageError(
-            "masks find what is changed on the Gaussians, and a 2D editor draws this: save what "
+            "masks find what a sentence names, and a 2D editor gets this one as it is: save what "
             "gsedit.select.masked.find_masked finds, and name it by settings.region"
         )
     views = views or find_viewpoints(scene, execution=settings.execution)

@@ -11,7 +11,7 @@ from jaxtyping import Bool, Int
 from torch import Tensor
 
 from gsedit.editing.parts import Parts
-from gsedit.editing.plan import EXACT_ROUTES, PICTURE, is_exact, key_of
+from gsedit.editing.plan import PICTURE, key_of
 from gsedit.editing.result import EditResult
 from gsedit.measures.evaluation import evaluate
 from gsedit.measures.evaluation_input import Evaluation, EvaluationInput, Means
@@ -25,7 +25,7 @@ from gsedit.select.region import Region
 from gsedit.views.dataset import View, capture, evenly_spaced
 from gsedit.views.view_list_files import HELD_OUT_EVERY, ViewList
 from gsedit.views.viewpoints import Viewpoint
-from gsedit.words.instruction import Change, Instruction
+from gsedit.words.instruction import Instruction
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
 
@@ -67,9 +67,9 @@ def changed_by(
     """All that the steps changed: the last scene, and the regions before and after."""
     changes = [each for step in steps for each in step.changes]
     told = tuple(dict.fromkeys((*notes, *total.notes)))
-    if drawing is not None and all(not is_exact(step) for step in steps):
+    if drawing is not None and len(steps) == 1:
         return Changed(total.scene, drawing.region, told, drawing=drawing)
-    keys = dict.fromkeys(_key(change) for change in changes if change.name != "insert")
+    keys = dict.fromkeys(key_of(change) for change in changes if change.name != "insert")
     known = [parts.found[key] for key in keys if key in parts.found]
     found, hows = (dict.fromkeys(map(attrgetter(name), known)) for name in ("note", "how"))
     sure = min((each.sure for each in known), default=1.0)
@@ -78,10 +78,6 @@ def changed_by(
         return Changed(total.scene, region, told, drawing=drawing)
     before = Region(_touched(total, len(scene)), region.note)
     return Changed(total.scene, region, told, before, total.origin, drawing)
-
-
-def _key(change: Change) -> str:
-    return key_of(change) if change.route in EXACT_ROUTES else PICTURE
 
 
 def _touched(outcome: Outcome, count: int) -> Bool[Tensor, " n"]:
@@ -104,10 +100,9 @@ def measured(
     A drawing brings its own measurements; where other changes are beside it, those of the whole are
     measured anew.
     """
-    drawing, scene = changed.drawing, finder.scene
-    exact, notes = any(map(is_exact, steps)), changed.notes
+    drawing, scene, notes = changed.drawing, finder.scene, changed.notes
     evidence = _evidence(settings) if drawing is None else drawing.evidence
-    if exact:
+    if drawing is None or len(steps) > 1:
         with watch.stage("measure"):
             shown = held_out(finder.viewpoints)
             before = pictures_at(scene, shown, finder.execution)
@@ -140,7 +135,7 @@ def measured(
 def understood(steps: Sequence[Instruction]) -> Instruction | None:
     """The changes of all steps; None where a 2D editor got the sentence as it is."""
     changes = tuple(each for step in steps for each in step.changes)
-    if not any(map(is_exact, steps)):
+    if changes[0].route == PICTURE:
         return None
     words = "; ".join(step.text for step in steps)
     return steps[0] if len(steps) == 1 else Instruction(words, True, words, changes)

@@ -12,7 +12,7 @@ import torch
 from jaxtyping import Bool
 from torch import Tensor
 
-from gsedit.editing.plan import COPY, EXACT_ROUTES, MADE, PICTURE, is_exact, key_of
+from gsedit.editing.plan import COPY, MADE, PICTURE, key_of
 from gsedit.editing.rivals import check_alone
 from gsedit.errors import UsageError
 from gsedit.formats.files import open_scene
@@ -68,12 +68,12 @@ def find_parts(
 ) -> Parts:
     """Find all that the steps of an edit are about, before anything is changed.
 
-    The subject is searched once, and only where it is needed. `editor` draws what is not exact;
-    what is not `shown` (None: all is) may keep its old reflections.
+    The subject is searched once, and only where it is needed. `editor` draws a sentence that it
+    got as it is; what is not `shown` (None: all is) may keep its old reflections.
     Raises UsageError for a phrase that names nothing, two nouns that nothing tells apart, a subject
     with rivals; InputError for a file to put in that is no scene.
     """
-    scene, changes = finder.scene, exact_changes(steps)
+    scene, changes = finder.scene, named_changes(steps)
     for change in changes:
         if change.name == "insert":
             open_scene(change.phrase)  # before any work is done
@@ -81,16 +81,17 @@ def find_parts(
         check_alone(noun, finder.segments, finder.subject)
     found = _regions(changes, finder)
     for step in steps:
-        if not is_exact(step) and (region := editor_region(finder, editor, step.text)) is not None:
+        whole = step.changes[0].route == PICTURE
+        if whole and (region := editor_region(finder, editor, step.text)) is not None:
             found[PICTURE] = region
     flags = {key: region.inside for key, region in found.items()}
     flags["shown"] = torch.ones(len(scene), dtype=torch.bool) if shown is None else shown
     return Parts(found, flags)
 
 
-def exact_changes(steps: Sequence[Instruction]) -> list[Change]:
-    """The changes that are done on the Gaussians themselves."""
-    return [each for step in steps if is_exact(step) for each in step.changes]
+def named_changes(steps: Sequence[Instruction]) -> list[Change]:
+    """The changes whose part the sentence names: all but what a 2D editor gets as it is."""
+    return [each for step in steps for each in step.changes if each.route != PICTURE]
 
 
 def aimed_at(steps: Sequence[Instruction], region: str) -> tuple[Instruction, ...]:
@@ -106,7 +107,7 @@ def aimed_at(steps: Sequence[Instruction], region: str) -> tuple[Instruction, ..
 
 
 def _marked(change: Change, made: set[str]) -> Change:
-    if change.phrase in made or change.route not in EXACT_ROUTES:
+    if change.phrase in made or change.route == PICTURE:
         return change
     if change.target == "background" and change.route == "object":
         return replace(change, phrase="")
@@ -115,7 +116,7 @@ def _marked(change: Change, made: set[str]) -> Change:
 
 def assumed(steps: Sequence[Instruction], names: Names) -> tuple[str, ...]:
     """Remarks on nouns that nobody knows and that are taken for the main subject."""
-    nouns = taken_nouns(exact_changes(steps), names)
+    nouns = taken_nouns(named_changes(steps), names)
     return tuple(f"{noun!r} was taken for the main subject" for noun in nouns)
 
 

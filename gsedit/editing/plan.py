@@ -1,4 +1,4 @@
-"""Steps of an edit: changes on the Gaussians, and looks that a 2D editor draws, in order.
+"""Steps of an edit: changes on the Gaussians, and styles that the painter draws, in order.
 
 Loads no torch.
 """
@@ -9,18 +9,19 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 from itertools import groupby
 
-from gsedit.errors import Said, UsageError
+from gsedit.errors import UsageError
 from gsedit.paper.settings import EditSettings
 from gsedit.words.called import read_called
-from gsedit.words.direct import UNCLEAR
 from gsedit.words.instruction import Change, Instruction
-from gsedit.words.looks import look_of
 from gsedit.words.phrases import GROUNDS
+from gsedit.words.refusals import no_style
 
 EXACT_ROUTES = ("tone", "paint", "material", "light", "scenery", "object")
 """Routes that change the Gaussians themselves."""
 HEEDED = ("region", "execution")
-"""Settings that exact routes heed; any other one asks for the 2D editor."""
+"""Settings that exact routes heed; any other one is for what a 2D editor draws."""
+STYLE = "style"
+"""Route of a painting style, which the painter draws in its part of the scene."""
 PICTURE = "picture"
 """Route of a sentence that a 2D editor gets as it is."""
 COPY = "copy"
@@ -37,7 +38,7 @@ def is_exact(instruction: Instruction) -> bool:
 
 
 def asks_editor_2d(settings: EditSettings) -> bool:
-    """Whether settings differ from the defaults where only the 2D editor heeds them."""
+    """Whether settings differ from the defaults where only a 2D editor heeds them."""
     usual = EditSettings()
     return replace(settings, **{name: getattr(usual, name) for name in HEEDED}) != usual
 
@@ -56,43 +57,31 @@ def read_steps(
 
 
 def steps_of(instruction: Instruction) -> tuple[Instruction, ...]:
-    """Steps that an instruction takes, in order; itself where it takes one.
+    """Steps that an instruction takes, in order; itself where exact routes do all.
 
-    Changes beside each other that exact routes do are one step, and so are looks of the 2D editor.
-    Raises UsageError for an instruction that is refused, and for a look that `small` hardly draws,
-    or beside other changes does not draw.
+    Changes beside each other that exact routes do are one step, and each style is one. Raises
+    UsageError for an instruction that is refused, and for a look that nothing here draws.
     """
     if not instruction.known:
         raise UsageError(instruction.why)
     changes = instruction.changes
-    if unclear := next((change.name for change in changes if change.name in UNCLEAR), None):
-        what = f"{instruction.text!r}: there is no look {unclear!r} that is done on the Gaussians"
-        raise UsageError(Said(what, "looks-unclear"))
-    drawn = [each for each in changes if each.phrase and each.route not in EXACT_ROUTES]
-    if drawn:
-        raise UsageError(Said(f"{drawn[0]}: a 2D editor knows no phrases", "select"))
-    groups = [tuple(each) for _, each in groupby(changes, lambda c: c.route in EXACT_ROUTES)]
-    if len(groups) < 2:
+    if lost := next((c for c in changes if c.route not in (*EXACT_ROUTES, STYLE)), None):
+        raise UsageError(no_style(lost.name))
+    numbered = enumerate(changes)
+    kinds = groupby(numbered, lambda each: -1 if each[1].route in EXACT_ROUTES else each[0])
+    groups = [tuple(change for _, change in group) for _, group in kinds]
+    if is_exact(instruction):
         return (instruction,)
     return tuple(
-        Instruction(words, True, words, each) for each in groups for words in (_told(each),)
+        Instruction(words, True, words, each)
+        for each in groups
+        for words in ("; ".join(map(str, each)),)
     )
-
-
-def _told(group: Sequence[Change]) -> str:
-    """Words for a step: what is done, or the looks of `small`. Raises UsageError as `steps_of`."""
-    if group[0].route in EXACT_ROUTES:
-        return "; ".join(map(str, group))
-    looks = [look_of(change) for change in group]
-    if None in looks:
-        what = f"{group[looks.index(None)]}: small does not draw this"
-        raise UsageError(Said(what, "looks-alone"))
-    return " and ".join(look.wording for look in looks if look is not None)
 
 
 def runs_of(step: Instruction) -> Iterator[tuple[Change, ...]]:
     """Groups of a step's changes that are done at once: what is moved, turned and scaled together
-    leaves one hole, and a 2D editor draws all looks together."""
+    leaves one hole."""
     if not is_exact(step):
         yield step.changes
         return
@@ -121,7 +110,9 @@ LEVEL = ("leaves", "puddles")
 
 
 def key_of(change: Change) -> str:
-    """Name of what changes: its phrase, or its target."""
+    """Name of what changes: its phrase, or its target; PICTURE for what a 2D editor will tell."""
+    if change.route == PICTURE:
+        return PICTURE
     if change.name in LEVEL and change.phrase in GROUNDS:
         return "background"
     if change.target == "background" and change.phrase not in ("", "it"):

@@ -1,4 +1,4 @@
-"""One view of an edit before it is done: as routes change it, or as the 2D editor draws it.
+"""One view of an edit before it is done: as routes change it, or as a 2D editor draws it.
 
 `h w` pixels.
 """
@@ -14,6 +14,8 @@ from PIL import Image
 from torch import Tensor
 
 from gsedit.editing.edit import change_steps
+from gsedit.editing.parts import aimed_at, find_parts
+from gsedit.editing.plan import key_of
 from gsedit.formats.pictures import fitted_size
 from gsedit.paper.diffusion.settings import SamplerSettings
 from gsedit.paper.guided import carry_change
@@ -24,7 +26,7 @@ from gsedit.pictures.contact_sheet import contact_sheet
 from gsedit.run.events import returned
 from gsedit.scene.picture import render_picture
 from gsedit.select.finder import Finder, Names
-from gsedit.select.region import lift
+from gsedit.select.region import Region, coverage, lift
 from gsedit.views.dataset import View, evenly_spaced
 from gsedit.views.image_ops import downscale
 from gsedit.views.viewpoints import Viewpoint
@@ -84,6 +86,15 @@ def preview_exact(
     return Preview(View("before", camera, before), (View("after", camera, after),), notes)
 
 
+def drawn_region(finder: Finder, step: Instruction, editor: Editor) -> Region | None:
+    """The region that a drawn step may change; None where only its pictures will tell.
+
+    Raises UsageError as `find_parts`.
+    """
+    (step,) = aimed_at((step,), finder.region)
+    return find_parts((step,), finder, editor).now(key_of(step.changes[0]))
+
+
 def shown_by(scene: Gaussians, camera: Camera, execution: Execution) -> Bool[Tensor, " n"]:
     """The Gaussians that a camera shows: for its picture, only they need new reflections."""
     ones = torch.ones(camera.height, camera.width)
@@ -100,10 +111,12 @@ def preview_edited(
     sampler: SamplerSettings | None = None,
     execution: Execution = AUTO,
     size: int | None = None,
+    region: Region | None = None,
 ) -> Preview:
     """One view as a 2D editor draws it alone, once for each seed; no scene is fitted to it.
 
-    `size`: longer side of the picture that the editor is given, as `EditSettings.edit_size`.
+    `size`: longer side of the picture that the editor is given, as `EditSettings.edit_size`;
+    `region`: what may change (None: everything).
 
     Raises UsageError where the editor cannot follow the instruction.
     """
@@ -122,6 +135,9 @@ def preview_edited(
         *_, last = editor.edit(batch, sampler, torch.Generator().manual_seed(seed))
         assert last.images is not None  # the protocol: the last item has them
         drawn = carry_change(last.images, shown, before[None])[0].clamp(0, 1)
+        if region is not None:
+            covered = coverage(region, scene, camera, execution)[..., None]
+            drawn = torch.lerp(before, drawn, covered.to(drawn))
         name = "after" if len(seeds) == 1 else f"seed {seed}"
         after.append(View(name, camera, drawn))
     return Preview(View("before", camera, before), tuple(after))

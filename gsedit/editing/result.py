@@ -61,6 +61,6 @@ class EditResult(Evidence):
             "seconds": f"{self.timings['total']:.0f}" if "total" in self.timings else "",
             "PSNR to the 2D targets": decibels(metrics.psnr_to_targets),
             "PSNR to edits of held-out views": decibels(metrics.psnr_to_held_out_edits),
-            "PSNR to such edits made alone": decibels(metrics.psnr_to_edits_alone),
+            "PSNR to held-out edits made alone": decibels(metrics.psnr_to_edits_alone),
             "PSNR outside the region": decibels(metrics.psnr_outside_region),
         }

@@ -11,12 +11,10 @@ from gsedit.formats.registry import FORMATS, INDEX, READABLE, WRITABLE, Format
 from gsedit.formats.streams import (
     AS_SPECIFIED,
     PROGRAM,
-    USUAL,
     Blocks,
     ReadOptions,
     SceneHeader,
     SceneSource,
-    WriteOptions,
 )
 from gsedit.run.atomic import atomic_path
 from gsedit.run.inputs import existing_file
@@ -73,7 +71,6 @@ def write_scene(
     header: SceneHeader,
     blocks: Blocks,
     *,
-    options: WriteOptions = USUAL,
     overwrite: bool = False,
 ) -> int:
     """Write rows by the suffix of `path`: whole or not at all. Returns their number.
@@ -91,7 +88,7 @@ def write_scene(
     with atomic_path(path, overwrite=overwrite) as temporary:
         module = import_module(f"gsedit.formats.{format.module}")
         try:
-            count = module.write(temporary, header, blocks, options)
+            count = module.write(temporary, header, blocks)
         except UsageError as error:  # a writer knows the temporary name only
             raise UsageError(str(error).replace(str(temporary), str(path))) from None
         if not count:

@@ -51,7 +51,7 @@ def open_source(path: Path, options: ReadOptions) -> SceneSource:
     total = sum(surface.area for surface in surfaces)
     rng = np.random.default_rng(0)
     shares = [max(1, round(options.samples * s.area / total)) for s in surfaces]
-    gltf = path.suffix.lower() in (".glb", ".gltf")
+    gltf = path.suffix.lower() == ".glb"
     colors = _gltf_colors if gltf else _colors
     tables = [_disks(s, n, rng, colors) for s, n in zip(surfaces, shares)]
     tables += [_balls(cloud, linear=gltf) for cloud in clouds]

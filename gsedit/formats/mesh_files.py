@@ -27,7 +27,7 @@ def geometries(path: Path) -> Iterator[Any]:
     import trimesh
 
     refused: list[InputError] = []
-    if path.suffix.lower() in (".glb", ".gltf"):
+    if path.suffix.lower() == ".glb":
         _check_zeros(path)
     try:
         with open_regular(path) as file:

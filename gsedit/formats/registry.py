@@ -24,21 +24,17 @@ MESHES = (".obj", ".stl", ".off")
 USD = (".usda", ".usdc", ".usd", ".usdz")
 INDEX = "meta.json"
 """Name of the file that stands for its folder: a SOG that is no zip."""
-TABLE = frozenset(("extra", "elements", "comments"))
 NOTES = frozenset(("comments", "antialiased"))
-"""Fields that tables keep beside the splats, and that files with free text keep."""
+"""Fields that files with free text keep beside the splats."""
 FORMATS = (
-    Format(".ply", "ply.inria", max_degree=4, keeps=TABLE),
+    Format(".ply", "ply.inria", max_degree=4, keeps=frozenset(("extra", "elements", "comments"))),
     Format(".compressed.ply", "ply.compressed"),
     Format(".spz", "spz", max_degree=4, keeps=frozenset(("antialiased",))),
     Format(".sog", "sog.file", keeps=frozenset(("antialiased",))),
     Format(INDEX, "sog.file", writes=False),
     Format(".splat", "splat", max_degree=0),
-    Format(".ksplat", "ksplat", writes=False),
     Format(".glb", "gltf.file", keeps=NOTES),
-    Format(".gltf", "gltf.file", writes=False),
     *(Format(suffix, "usd.file", max_degree=4, keeps=NOTES) for suffix in USD),
-    Format(".npz", "npz", max_degree=4, keeps=TABLE | NOTES),
     *(Format(suffix, "mesh", writes=False) for suffix in MESHES),
 )
 READABLE = tuple(format.suffix for format in FORMATS)

@@ -12,9 +12,7 @@ from gsedit.errors import InputError, UsageError
 from gsedit.formats.files import open_scene, write_scene
 from gsedit.formats.registry import READABLE, WRITABLE
 from gsedit.formats.streams import (
-    USUAL,
     SceneHeader,
-    WriteOptions,
     gather,
     header_of,
     in_blocks,
@@ -67,14 +65,8 @@ def read_scene(path: str | Path, *, drop_invalid: bool = False) -> SceneFile:
     return SceneFile(gaussians_of(table), header, tuple(notes), table.extra)
 
 
-def save(
-    scene: Gaussians,
-    path: str | Path,
-    *,
-    overwrite: bool = False,
-    options: WriteOptions = USUAL,
-) -> None:
-    """Write a scene by suffix, in any format of WRITABLE: .ply is exact in float32, .npz too.
+def save(scene: Gaussians, path: str | Path, *, overwrite: bool = False) -> None:
+    """Write a scene by suffix, in any format of WRITABLE: .ply is exact in float32.
 
     Atomic, creates parent folders. Raises UsageError if the file exists (and not `overwrite`), the
     suffix is unknown, the SH degree is above the format's, or the scene is empty or holds NaN.
@@ -84,4 +76,4 @@ def save(
     for _ in guard(in_blocks(table)):
         pass
     guard.check(Path(path), lambda text: UsageError(f"{text}; nothing was written"))
-    write_scene(path, header_of(table), in_blocks(table), options=options, overwrite=overwrite)
+    write_scene(path, header_of(table), in_blocks(table), overwrite=overwrite)

@@ -14,7 +14,6 @@ from gsedit.formats.streams import (
     ReadOptions,
     SceneHeader,
     SceneSource,
-    WriteOptions,
 )
 from gsedit.scene.table import SplatTable
 from rasterizer.numerics import color_to_sh
@@ -33,7 +32,7 @@ def open_source(path: Path, options: ReadOptions) -> SceneSource:
     return SceneSource(path, ".splat", SceneHeader(0), count, lambda: _read(path, count))
 
 
-def write(path: Path, header: SceneHeader, blocks: Blocks, options: WriteOptions) -> int:
+def write(path: Path, header: SceneHeader, blocks: Blocks) -> int:
     """Write the rows in their order; the number of rows. Viewers sort by depth themselves; those
     that draw while they load show first what comes first.
     """

@@ -1,7 +1,7 @@
-"""Niantic's .spz: versions 1 to 4 in, 3 and 4 out.
+"""Niantic's .spz: versions 2 to 4 in, 3 out.
 
-Versions 1 to 3 are one gzip stream: a header of 16 bytes, then attribute after attribute. Version 4
-is a header of 32 bytes, extensions, a table of sizes, and one zstd frame an attribute. Reading
+Versions 2 and 3 are one gzip stream: a header of 16 bytes, then attribute after attribute; version
+4 is a header of 32 bytes, extensions, a table of sizes, and one zstd frame an attribute. Reading
 holds the unpacked bytes (20 a Gaussian, 65 with SH degree 3) and one block; writing 12 more.
 Source: github.com/nianticlabs/spz, README.md and extensions/README.md.
 """
@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 from math import floor, log2
@@ -29,13 +28,12 @@ from gsedit.formats.streams import (
     ReadOptions,
     SceneHeader,
     SceneSource,
-    WriteOptions,
     in_blocks,
 )
 from gsedit.scene.table import SplatTable
 
 POSITION_BITS = 24
-"""Positions are signed fixed-point numbers, from version 2 on."""
+"""Positions are signed fixed-point numbers."""
 _COLOR = 0.15
 """f_dc is stored as 0.5 + 0.15 f_dc: from -3.3 to 3.3."""
 _SCALE_STEPS, _SCALE_START = 16, -10
@@ -47,8 +45,6 @@ MAGIC = 0x5053474E
 """First four bytes of the file: `NGSP`."""
 FRACTIONAL_BITS = 12
 """Most fractional bits of a position: Niantic's default."""
-NEAR_SHARE = 0.999
-"""Share of the rows that are not far out."""
 _LARGEST = (1 << (POSITION_BITS - 1)) - 1
 """Largest coordinate, in its steps."""
 FRAMES = {"rub": RUB, "rdf": RDF}
@@ -96,7 +92,7 @@ class _Header:
 
 
 def open_source(path: Path, options: ReadOptions) -> SceneSource:
-    """Open an .spz of version 1 to 4. Raises InputError for one whose header cannot be right."""
+    """Open an .spz of version 2 to 4. Raises InputError for one whose header cannot be right."""
     with path.open("rb") as handle:
         start = handle.read(_PIECE)
     gzipped = start[:2] == b"\x1f\x8b"
@@ -118,19 +114,13 @@ def open_source(path: Path, options: ReadOptions) -> SceneSource:
     )
 
 
-def write(path: Path, header: SceneHeader, blocks: Blocks, options: WriteOptions) -> int:
-    """Write version 3 or 4, positions as fine as the scene's extent allows; the number of rows.
-
-    A version 4 along other axes than the specification's names them. Raises UsageError beyond 4e6
-    from the origin.
-    """
-    if options.spz_version not in (3, 4):
-        raise UsageError(f"spz_version {options.spz_version}: gsedit writes 3 and 4")
-    frame = FRAMES[options.spz_frame]
+def write(path: Path, header: SceneHeader, blocks: Blocks) -> int:
+    """Write version 3, positions as fine as the scene's extent allows; the number of rows. Raises
+    UsageError beyond 4e6 from the origin."""
     means: list[np.ndarray] = []
     packed: dict[str, list[np.ndarray]] = {name: [] for name in widths(3, header.degree)}
     for block in blocks:
-        turned = to_axes(block, frame)
+        turned = to_axes(block, RUB)
         means.append(np.ascontiguousarray(turned.means, np.float32))
         for name, part in pack(turned).items():
             packed[name].append(part)
@@ -138,13 +128,16 @@ def write(path: Path, header: SceneHeader, blocks: Blocks, options: WriteOptions
     if not count:
         return 0
     bits = _fractional_bits(path, means)
-    if bits < FRACTIONAL_BITS and options.say is not None and (why := _coarse(means, bits)):
-        options.say(why)
-    flags = _ANTIALIASED * header.antialiased
-    made = _Header(options.spz_version, count, header.degree, bits, flags)
     streams = {name: iter(parts) for name, parts in packed.items()}
     streams["positions"] = (pack_positions(part, bits) for part in means)
-    (_write_3 if made.version == 3 else _write_4)(path, made, streams, frame)
+    deflate = zlib.compressobj(6, zlib.DEFLATED, 31)  # 31: with gzip's header and checksum
+    with path.open("wb") as handle:
+        fields = (3, count, header.degree, bits, _ANTIALIASED * header.antialiased, 0)
+        handle.write(deflate.compress(_HEADER.pack(MAGIC, *fields)))
+        for parts in streams.values():
+            for part in parts:
+                handle.write(deflate.compress(part.tobytes()))
+        handle.write(deflate.flush())
     return count
 
 
@@ -152,74 +145,10 @@ def _fractional_bits(path: Path, means: list[np.ndarray]) -> int:
     """As many as leave room for the farthest coordinate."""
     parts = (np.abs(part[np.isfinite(part)]) for part in means)
     extent = max((float(part.max(initial=0)) for part in parts), default=0.0)
-    bits = _bits_within(extent)
+    bits = min(FRACTIONAL_BITS, floor(log2(_LARGEST / max(extent, 1e-6))))
     if bits < 1:
         raise UsageError(f"{path}: .spz holds positions up to 4e6, not {extent:.3g}: save a .ply")
     return bits
-
-
-def _bits_within(extent: float) -> int:
-    """Fractional bits that a coordinate leaves at this distance from the origin; negative where it
-    does not fit."""
-    return min(FRACTIONAL_BITS, floor(log2(_LARGEST / max(extent, 1e-6))))
-
-
-def _coarse(means: list[np.ndarray], bits: int) -> str:
-    """A sentence where a few rows far out cost the others the fineness of their positions."""
-    sizes = (np.abs(np.where(np.isfinite(part), part, 0)) for part in means)
-    far = np.concatenate([size.max(1) for size in sizes])
-    inner = float(np.quantile(far, NEAR_SHARE, method="lower"))
-    finer = _bits_within(inner)
-    if finer <= bits:
-        return ""
-    row = int(far.argmax())
-    return (
-        f"positions are in steps of {2.0**-bits:g}, as row {row:,} (from 0) is {far[row]:.3g} from "
-        f"the origin and nearly all are within {inner:.3g}: without such rows they are in steps of "
-        f"{2.0**-finer:g} (gsedit filter --box leaves them out)"
-    )
-
-
-def _write_3(
-    path: Path, header: _Header, streams: dict[str, Iterator[np.ndarray]], frame: str
-) -> None:
-    deflate = zlib.compressobj(6, zlib.DEFLATED, 31)  # 31: with gzip's header and checksum
-    with path.open("wb") as handle:
-        fields = (header.version, header.count, header.degree, header.bits, header.flags, 0)
-        handle.write(deflate.compress(_HEADER.pack(MAGIC, *fields)))
-        for parts in streams.values():
-            for part in parts:
-                handle.write(deflate.compress(part.tobytes()))
-        handle.write(deflate.flush())
-
-
-def _write_4(
-    path: Path, header: _Header, streams: dict[str, Iterator[np.ndarray]], frame: str
-) -> None:
-    import zstandard
-
-    extensions = b""
-    if frame != RUB:
-        extensions = _EXTENSION.pack(_COORDINATE_SYSTEM, 4)
-        extensions += struct.pack("<I", _SYSTEMS.index(frame))
-    flags = header.flags | _EXTENDED * bool(extensions)
-    fields = (header.version, header.count, header.degree, header.bits, flags, len(streams))
-    sizes_at = _HEADER.size + _REST_OF_4.size + len(extensions)
-    sizes = []
-    with path.open("wb") as handle:
-        handle.write(_HEADER.pack(MAGIC, *fields) + _REST_OF_4.pack(sizes_at) + extensions)
-        handle.write(bytes(_SIZES.size * len(streams)))
-        for name, parts in streams.items():
-            start, size = handle.tell(), header.widths[name] * header.count
-            pack = zstandard.ZstdCompressor(12, write_checksum=True).compressobj(
-                size
-            )  # 12: Niantic's
-            for part in parts:
-                handle.write(pack.compress(part.tobytes()))
-            handle.write(pack.flush())
-            sizes.append(_SIZES.pack(handle.tell() - start, size))
-        handle.seek(sizes_at)
-        handle.write(b"".join(sizes))
 
 
 def _first_bytes(path: Path, start: bytes) -> bytes:
@@ -236,8 +165,8 @@ def _read_header(path: Path, start: bytes, gzipped: bool) -> _Header:
     if len(start) < whole or start[:4] != b"NGSP":
         raise InputError(f"{path} is not an SPZ file: check the path, or export it again")
     _, version, count, degree, bits, flags, streams = _HEADER.unpack_from(start)
-    if not (1 <= version <= 3 if gzipped else version == 4):
-        raise InputError(f"{path} is SPZ version {version}: gsedit reads 1 to 4, export it again")
+    if not (2 <= version <= 3 if gzipped else version == 4):
+        raise InputError(f"{path} is SPZ version {version}: gsedit reads 2 to 4, export it again")
     if degree > 4 or bits >= POSITION_BITS:
         raise InputError(f"{path} has SH degree {degree} and {bits} fractional bits: {_AGAIN}")
     if gzipped:
@@ -343,7 +272,7 @@ def _unpacked_4(path: Path, header: _Header) -> dict[str, UInt8[np.ndarray, "n b
 
 def widths(version: int, degree: int) -> dict[str, int]:
     """Bytes a Gaussian of each attribute, in the order of the file."""
-    sizes = {"positions": 6 if version == 1 else 9, "alphas": 1, "colors": 3, "scales": 3}
+    sizes = {"positions": 9, "alphas": 1, "colors": 3, "scales": 3}
     sizes |= {"rotations": 3 if version < 3 else 4, "sh": 3 * ((degree + 1) ** 2 - 1)}
     return {name: size for name, size in sizes.items() if size}
 
@@ -361,7 +290,7 @@ def unpack(packed: dict[str, UInt8[np.ndarray, "n b"]], version: int, bits: int)
     np.divide(rest.reshape(count, -1, 3), 128, out=sh[:, 1:], dtype=np.float32)
     sh[:, 1:] -= 1
     return SplatTable(
-        means=_means(packed["positions"], version, bits),
+        means=_means(packed["positions"], bits),
         quats=(_smallest_three if version >= 3 else _first_three)(packed["rotations"]),
         log_scales=(_BYTES / _SCALE_STEPS + _SCALE_START)[packed["scales"]],
         logit_opacities=logits_of(_BYTES / 255)[packed["alphas"][:, 0]],
@@ -404,9 +333,7 @@ def pack_rotations(quats: Float32[np.ndarray, "n 4"]) -> UInt8[np.ndarray, "n 4"
     return packed.astype("<u4").view(np.uint8).reshape(-1, 4)
 
 
-def _means(raw: UInt8[np.ndarray, "n b"], version: int, bits: int) -> Float32[np.ndarray, "n 3"]:
-    if version == 1:
-        return np.ascontiguousarray(raw).view("<f2").astype(np.float32)
+def _means(raw: UInt8[np.ndarray, "n b"], bits: int) -> Float32[np.ndarray, "n 3"]:
     padded = np.zeros((len(raw), 3, 4), np.uint8)
     padded[..., 1:] = raw.reshape(-1, 3, 3)
     fixed = padded.view("<i4")[..., 0] >> 8  # the shift keeps the sign

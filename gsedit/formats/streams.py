@@ -1,7 +1,7 @@
 """Scenes in parts, so that a file may be larger than memory: what readers give, writers take.
 
 A format is a module with `open_source(path, options) -> SceneSource` and `write(path, header,
-blocks, options) -> int`, listed in `formats.py`.
+blocks) -> int`, listed in `formats.py`.
 """
 
 from __future__ import annotations
@@ -75,20 +75,7 @@ class ReadOptions:
     """Gaussians on the surfaces of a mesh."""
 
 
-@dataclass(frozen=True)
-class WriteOptions:
-    """Choices of the formats that have any."""
-
-    spz_version: int = 3
-    """3 (read by most) or 4."""
-    spz_frame: str = "rub"
-    """Axes to store: rub (the specification) or rdf."""
-    say: Callable[[str], None] | None = None
-    """Receives what a format rounds more than usual: one sentence, without the name of the file."""
-
-
 AS_SPECIFIED = ReadOptions()
-USUAL = WriteOptions()
 
 
 def gather(blocks: Blocks, header: SceneHeader, count: int) -> SplatTable:

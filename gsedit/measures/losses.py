@@ -39,10 +39,7 @@ def dssim(image: Float[Tensor, "*n h w 3"], target: Float[Tensor, "*n h w 3"]) -
 
 
 def gram(features: Float[Tensor, "*n c h w"]) -> Float[Tensor, "*n c c"]:
-    """Correlations of the channels, averaged over positions: divided by h w, and not by c.
-
-    Johnson et al. 2016 divide by c h w too; the weight would then be less by c^2.
-    """
+    """Correlations of the channels, averaged over positions: divided by h w, and not by c."""
     rows = features.flatten(-2)
     return rows @ rows.mT / rows.shape[-1]
 
@@ -50,7 +47,8 @@ def gram(features: Float[Tensor, "*n c h w"]) -> Float[Tensor, "*n c c"]:
 def gram_loss(
     features: list[Float[Tensor, "n _c _h _w"]], targets: list[Float[Tensor, "n _c _h _w"]]
 ) -> Float[Tensor, ""]:
-    """Mean squared difference of Gram matrices, one a picture; summed over layers."""
+    """Mean squared difference of Gram matrices, one a picture; summed over layers: the style loss
+    of Johnson et al. 2016, whose matrices are divided by c too, but whose squares are summed."""
     return torch.stack(
         [mse(gram(f), gram(t)) for f, t in zip(features, targets, strict=True)]
     ).sum()

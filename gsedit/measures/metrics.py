@@ -79,8 +79,8 @@ NO_PICTURE = (
 )
 NO_UNEDITED = "the unedited scene is not known: add --against SCENE, or the folder of an edit"
 NO_EDITS_ALONE = (
-    "no held-out view was edited alone: only an edit by a 2D editor that is a diffusion model has "
-    "such pictures, in held_out_alone/ of its folder"
+    "no held-out view was edited alone: only an edit by a 2D editor has such pictures, in "
+    "held_out_alone/ of its folder"
 )
 NO_MASKS = "no masks were given: add --subject-masks FOLDER, a mask for each of some views"
 

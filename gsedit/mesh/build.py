@@ -21,7 +21,7 @@ from gsedit.views.dataset import evenly_spaced
 from gsedit.views.depth import SeenSurface, seen_surface
 from gsedit.views.paths import common_point
 from rasterizer.camera import Camera
-from rasterizer.numerics import AUTO, Execution
+from rasterizer.numerics import AUTO, Execution, ruled
 from rasterizer.scene import Gaussians
 
 CRUMB = 0.01
@@ -111,6 +111,7 @@ REACHED, MARGIN = 0.98, 1.1
 
 
 @torch.no_grad()
+@ruled
 def mesh(
     scene: Gaussians,
     cameras: Sequence[Camera] = (),
@@ -133,11 +134,11 @@ def mesh(
     alone = scene if inside is None else scene[inside]
     if not len(alone):
         raise UsageError("nothing is selected: there is no surface to make a mesh of")
-    chosen = _views(alone, cameras, execution)
-    survey = _survey(alone, chosen, inside is not None, execution)
+    chosen = _views(alone, cameras)
+    survey = _survey(alone, chosen, inside is not None)
     ball, voxel = survey.ball, survey.voxel
     views = [_scaled(camera, survey.pixel / voxel) for camera in chosen]
-    surfaces = [survey.of(seen_surface(alone, camera, execution)) for camera in views]
+    surfaces = [survey.of(seen_surface(alone, camera)) for camera in views]
     found, voxel = fuse(surfaces, ball, voxel)
     found = without_crumbs(found)
     if not len(found.faces):
@@ -147,11 +148,11 @@ def mesh(
     return replace(found, colors=painted(found, surfaces, voxel))
 
 
-def _views(scene: Gaussians, cameras: Sequence[Camera], execution: Execution) -> Sequence[Camera]:
+def _views(scene: Gaussians, cameras: Sequence[Camera]) -> Sequence[Camera]:
     """The views that are fused: some of the cameras, or found ones."""
     if cameras:
         return [cameras[i] for i in evenly_spaced(len(cameras), VIEWS)]
-    found = find_viewpoints(scene, FOUND, FOUND_SIZE_PIXELS, rings=RINGS, execution=execution)
+    found = find_viewpoints(scene, FOUND, FOUND_SIZE_PIXELS, rings=RINGS)
     return [each.camera for each in found]
 
 
@@ -175,11 +176,9 @@ class _Survey:
         return replace(surface, color=surface.color.half(), alpha=surface.alpha.half())
 
 
-def _survey(
-    scene: Gaussians, cameras: Sequence[Camera], whole: bool, execution: Execution
-) -> _Survey:
+def _survey(scene: Gaussians, cameras: Sequence[Camera], whole: bool) -> _Survey:
     """Survey what is seen: all of it if `whole`, else what the cameras look at."""
-    seen = [seen_surface(scene, camera.fitted(SURVEY_PIXELS), execution) for camera in cameras]
+    seen = [seen_surface(scene, camera.fitted(SURVEY_PIXELS)) for camera in cameras]
     ball = _ball(seen, cameras, whole)
     backdrop = backdrop_color(seen, ball)
     if backdrop is not None:

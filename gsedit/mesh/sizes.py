@@ -16,8 +16,9 @@ from jaxtyping import Bool, Float64
 from torch import Tensor
 
 from gsedit.errors import UsageError
+from gsedit.scene.planes import Plane
 from gsedit.scene.table import table_of
-from gsedit.toolkit.align import Plane, find_ground
+from gsedit.toolkit.align import find_ground
 from gsedit.views.dataset import evenly_spaced
 from gsedit.views.depth import point_at as surface_at
 from rasterizer.camera import Camera
@@ -59,7 +60,7 @@ def distance(a: SurfacePoint, b: SurfacePoint) -> Size:
 
 def height(point: SurfacePoint, ground: Plane, sigma: float = 0.0) -> Size:
     """The height of a point above the ground, whose own place has a standard deviation `sigma`."""
-    found = _size((point,), lambda p: float(p[0] @ ground.normal) - ground.height)
+    found = _size((point,), lambda p: float(ground.heights(p)[0]))
     return Size(found.value, float(np.hypot(found.sigma, sigma)))
 
 
@@ -92,15 +93,15 @@ def volume(
     return Size(abs(float(solid.volume)), float(solid.area) * edge / np.sqrt(12), 3)
 
 
-def ground_of(scene: Gaussians, up: Float64[np.ndarray, "3"] | None = None) -> tuple[Plane, float]:
+def ground_of(scene: Gaussians, up: Float64[np.ndarray, "3"]) -> tuple[Plane, float]:
     """The ground of a scene, and how far the splats on it are from it (their standard deviation).
 
     `up` as `find_ground`. Raises UsageError where there is no ground.
     """
     table = table_of(scene)
-    plane = find_ground(table, up)
-    away = np.abs(table.means.astype(np.float64) @ plane.normal - plane.height)
-    near = away[away <= np.quantile(away, max(plane.share, 0.01))]
+    plane, share, _ = find_ground(table, up)
+    away = np.abs(plane.heights(table.means))
+    near = away[away <= np.quantile(away, max(share, 0.01))]
     return plane, float(np.sqrt(np.mean(near**2))) if len(near) else 0.0
 
 

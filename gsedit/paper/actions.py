@@ -11,7 +11,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.capture.fitting.crops import ListedCrops
+from gsedit.capture.fitting.crops import CorrectedCrops
 from gsedit.capture.fitting.random_crops import crops_needed
 from gsedit.capture.fitting.solve import BAND_PENALTY, solve_colors
 from gsedit.capture.fitting.strokes import BAND_PENALTY as STROKE_BAND_PENALTY
@@ -59,7 +59,7 @@ def _calibrate_crops(session: Session, targets: list[Target]) -> None:
     last round.
     """
     progress, scene = session.progress, session.whole_scene()
-    if isinstance(progress.crops, ListedCrops):
+    if isinstance(progress.crops, CorrectedCrops):
         execution = session.request.settings.execution
         for target in targets:
             for each in dict.fromkeys((target.small, target.view)):

@@ -121,7 +121,7 @@ def _run(request: Request, resume: State | None) -> Generator[Event | Checkpoint
 
 
 def explain_skips(session: Session) -> tuple[Decision, ...]:
-    """Every decision of this edit, with its reason, its saving and its bound.
+    """Every decision of this edit, with its reason, its saving and its error.
 
     Nothing is decided here that the session does not do already.
     """
@@ -130,7 +130,7 @@ def explain_skips(session: Session) -> tuple[Decision, ...]:
         decide_merging(len(request.whole), len(request.scene)),
         decide_views(
             len(plan.views),
-            min(settings.batches * settings.views_per_batch, len(request.views)),
+            min(settings.most_batches * settings.views_per_batch, len(request.views)),
             plan.coverage[-1],
             settings.coverage,
             needs_all=uses_all_views(request.strategy),

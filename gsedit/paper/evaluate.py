@@ -50,8 +50,9 @@ def evaluate_edit(session: Session) -> Generator[Event, None, Drawing]:
     shown = tuple(session.progress.edited.targets or session.plan.views)
     asked = request.settings.held_out_edits
     held_out = spread(request.held_out_indices, max(SHEET_HELD_OUT_VIEWS, asked))
-    answers = yield from _edit_held_out(session, held_out[:asked])
-    alone = yield from _edit_alone(session, tuple(answers))
+    asked_views = held_out[:asked] if session.progress.edited.answers else ()
+    answers = yield from _edit_held_out(session, asked_views)
+    alone = yield from _edit_alone(session, asked_views)
     given = replace(_evaluation_input(session, shown, held_out, answers), edits_alone=alone)
     metrics = EditMetrics(evaluate(given), tuple(session.progress.edited.pairs))
     truths = len(given.ground_truth)
@@ -129,12 +130,12 @@ def _edit_held_out(
     """Ask the editor for these held-out views as it was asked for the targets.
 
     They are tied to targets by anchors and the noise that all batches share. Nothing is asked where
-    that has no meaning: the editor is no diffusion model, so it has no noise to share, or no view
-    was edited. Sampling starts from the unedited scene: the answers must not depend on the edited
-    scene, which is compared with them.
+    that has no meaning: the editor is no diffusion model, so it has no noise to share. Sampling
+    starts from the unedited scene: the answers must not depend on the edited scene, which is
+    compared with them.
     """
     answers, editor = session.progress.edited.answers, session.request.editor
-    if not views or not answers or editor.capabilities.denoiser is None:
+    if not views or editor.capabilities.denoiser is None:
         return {}
     cameras = [view.camera for view in session.request.every_view]
     unedited = UneditedViews(cameras, session.unedited.rendering)
@@ -157,12 +158,12 @@ def _edit_held_out(
 def _edit_alone(
     session: Session, views: tuple[int, ...]
 ) -> Generator[Event, None, Mapping[int, Float[Tensor, "h w 3"]]]:
-    """Ask the editor for each of these views on its own, with noise of its own: no anchor, nothing
+    """Ask the editor for each of these views on its own, in a batch of its own: no anchor, nothing
     shared, not harmonised. What the targets agree on does not help these pictures."""
-    if not views:
-        return {}
-    start = {i: session.unedited.picture(i) for i in views}
-    sampler = session.request.settings.sampler
+    alone, sampler = {}, session.request.settings.sampler
     editor = session.request.editor  # nothing that it takes from the planned views
-    images = yield from sample_views(session, views, (), None, sampler, start, MEASURE, editor)
-    return {i: session.within_region(i, image) for i, image in zip(views, images)}
+    for i in views:
+        start = {i: session.unedited.picture(i)}
+        (image,) = yield from sample_views(session, (i,), (), None, sampler, start, MEASURE, editor)
+        alone[i] = session.within_region(i, image)
+    return alone

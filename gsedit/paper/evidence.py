@@ -88,7 +88,7 @@ class EditMetrics:
         if self.psnr_to_held_out_edits is not None:
             parts.append(f"{self.psnr_to_held_out_edits:.1f} dB to edits of held-out views")
         if self.psnr_to_edits_alone is not None:
-            parts[-1] += f", {self.psnr_to_edits_alone:.1f} dB to such edits made alone"
+            parts.append(f"{self.psnr_to_edits_alone:.1f} dB to edits of held-out views made alone")
         if self.psnr_outside_region is not None:
             edited = self.rmse_outside_region
             parts.append(
@@ -109,11 +109,11 @@ class HeldOutViews:
     originals: tuple[View, ...] = ()
     """Renders of the unedited scene."""
     edited: tuple[View, ...] = ()
-    """Pictures that the 2D editor makes of the first ones; none where it was not asked."""
+    """Pictures that a 2D diffusion model makes of the first ones, tied to the targets."""
     finals: tuple[View, ...] = ()
     """Renders of the edited scene."""
     alone: tuple[View, ...] = ()
-    """Pictures of the views of `edited` that the 2D editor makes without the targets."""
+    """Pictures of the first ones that the 2D editor makes without the targets, one by one."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -111,8 +111,8 @@ class Capabilities:
     best_size: int | None = None
     """Longer side, pixels, of the pictures that it edits best: larger views are edited at this size
     and the change is carried up. None: any size."""
-    batches: int = 4
-    """Most batches of views, where the settings leave it open."""
+    batches: int | None = None
+    """Most batches of views where the settings leave it open. None: EditSettings.most_batches."""
     enlarges: bool = False
     """Whether smaller views are edited at `best_size` too, and the change is carried down: for
     networks that draw something else at a size that they were not trained at."""
@@ -126,6 +126,9 @@ class Capabilities:
     """(prompt, edited views, their originals) -> the true edit that these views agreed on, or None;
     with it the error of an edit can be measured. The true edit is of whole pictures, and so is an
     instruction of such an editor. None for editors without one."""
+    paints_styles: bool = False
+    """Whether it draws the painting styles that gsedit.words reads, each in the part of the scene
+    that it is said of; any other editor gets a whole sentence as it is."""
     levels: Callable[[SamplerSettings, tuple[int, int]], list[NoiseLevel]] | None = None
     """(settings, rows and columns of latent cells) -> the levels that sampling steps between, for
     schedules that depend on the picture's size or on the number of steps. None: those that the

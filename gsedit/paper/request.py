@@ -19,7 +19,7 @@ from gsedit.paper.settings import EditSettings
 from gsedit.run.json_lines import plain
 from gsedit.run.ranks import ALONE, Ranks
 from gsedit.run.state import digest, digest_of
-from gsedit.scene.merging.groups import MergedScene, coarsen
+from gsedit.scene.merging import MergedScene, coarsen
 from gsedit.scene.picture import render_picture
 from gsedit.select.region import Region
 from gsedit.views.dataset import Dataset, View, evenly_spaced

@@ -52,9 +52,8 @@ class EditSettings:
     )
     """The unedited picture that the editor is shown: a render of the scene, or the photo."""
     held_out_edits: int = 2
-    """Held-out views that the 2D editor is asked for at the end, to compare the scene with: tied to
-    the targets, and once more alone, so each costs as much as two views that are edited. 0 for
-    none."""
+    """Held-out views that the 2D editor is asked for at the end, to compare the scene with: alone,
+    and, if it is a diffusion model, tied to the targets too: then each costs two edits. 0: none."""
     edit_size: int | None = None
     """Longer side, pixels, of the pictures that the editor is given: of larger views it edits small
     ones, and the change is carried to full size; a network of --editor diffusers also edits large
@@ -102,6 +101,11 @@ class EditSettings:
             )
         if not 0 <= self.overlap <= 1:
             raise UsageError(f"overlap {self.overlap} is not in [0, 1]")
+
+    @property
+    def most_batches(self) -> int:
+        """Most batches of views, where no editor has a number of its own."""
+        return self.batches or 4
 
     @property
     def solves(self) -> bool:

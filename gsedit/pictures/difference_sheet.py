@@ -1,9 +1,11 @@
-"""A scene beside what it is compared with, and where they differ."""
+"""Scenes beside what they are compared with, and where they differ."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
+import torch
 from jaxtyping import Float
 from torch import Tensor
 
@@ -18,6 +20,8 @@ EDITED, HELD_OUT = 4, 2
 """Most views that are shown of each kind."""
 AMPLIFIED = 4
 """How much larger differences are drawn than they are."""
+LEAST_DIFFERENCE = 4 / 255
+"""Least end of the scale of differences: a few steps of an 8-bit picture are not shown as much."""
 
 
 def difference_sheet(
@@ -57,3 +61,28 @@ def difference_sheet(
     ]
     sheet = contact_sheet(rows, apart=len(held_out), caption="held out" if held_out else "")
     save_picture(sheet, path, overwrite=overwrite)
+
+
+def difference_picture(
+    before: Sequence[View],
+    after: Sequence[View],
+    names: tuple[str, str],
+    path: Path,
+    *,
+    overwrite: bool = False,
+) -> None:
+    """Write a PNG of two scenes from the same cameras, under their names, and of their difference.
+
+    The difference of a pixel is that of its most different channel; white is the 99.9th percentile
+    over all views, at least 4/255. Raises UsageError as `atomic_path` does.
+    """
+    apart = [(b.image - a.image).abs().amax(-1, keepdim=True) for a, b in zip(before, after)]
+    ordered = torch.cat([each.flatten() for each in apart]).sort().values
+    most = max(float(ordered[int(0.999 * (len(ordered) - 1))]), LEAST_DIFFERENCE)
+    differences = [
+        View(view.name, view.camera, (each / most).clamp(0, 1).expand(-1, -1, 3))
+        for view, each in zip(before, apart)
+    ]
+    title = f"largest difference of a channel, {1 / most:.3g} times"
+    rows = [(names[0], before), (names[1], after), (title, differences)]
+    save_picture(contact_sheet(rows), path, overwrite=overwrite)

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
-from itertools import cycle, groupby, pairwise
+from collections.abc import Iterable, Sequence
+from itertools import cycle
 from pathlib import Path
 from typing import Literal
 
@@ -103,57 +102,18 @@ def _font() -> ImageFont.ImageFont | ImageFont.FreeTypeFont:
     return ImageFont.load_default(13)
 
 
-@dataclass(frozen=True)
-class Span:
-    """A stretch of consecutive events of one stage."""
-
-    stage: str
-    seconds: float
-    """Wall clock it took: from the end of the stretch before to its own last event."""
-    step: int
-    """Step at which it ended."""
-    loss: float | None
-    error: float | None
-    """The last ones that were measured."""
-
-
-def spans(events: Iterable[Event]) -> Iterator[Span]:
-    """The work as a list of stages, in order; their seconds add up to the whole."""
-    stretches = [list(stretch) for _, stretch in groupby(events, key=lambda event: event.stage)]
-    ends = [0.0, *(stretch[-1].seconds for stretch in stretches)]
-    for stretch, (start, end) in zip(stretches, pairwise(ends)):
-        yield _span(stretch, end - start)
-
-
-def _span(parts: Sequence[Event | Span], seconds: float) -> Span:
-    """All of a stage's events, or of its stretches, as one stretch."""
-    loss, error = (
-        next((value for e in reversed(parts) if (value := getattr(e, name)) is not None), None)
-        for name in ("loss", "error")
-    )
-    return Span(parts[-1].stage, seconds, parts[-1].step, loss, error)
-
-
-MOST_ROWS = 60
-"""Stretches; of more than these, the table has a row a stage."""
-
-
-def by_stage(stretches: Iterable[Span]) -> Iterator[Span]:
-    """The stretches of each stage as one, in the order in which the stages began."""
-    stages: dict[str, list[Span]] = {}
-    for span in stretches:
-        stages.setdefault(span.stage, []).append(span)
-    for parts in stages.values():
-        yield _span(parts, sum(part.seconds for part in parts))
-
-
 def table(events: Iterable[Event]) -> str:
-    """Time and gain of each stretch of work as a plain text table, or of each stage where there are
-    many stretches."""
+    """Time and gain of each stage as a plain text table, in the order in which they began; the
+    seconds add up to the whole."""
+    stages: dict[str, list[Event]] = {}
+    seconds: dict[str, float] = {}
+    before = 0.0
+    for event in events:
+        stages.setdefault(event.stage, []).append(event)
+        seconds[event.stage] = seconds.get(event.stage, 0.0) + event.seconds - before
+        before = event.seconds
     head = ("stage", "seconds", "steps", "loss", "error", "dB")
-    stretches = list(spans(events))
-    stretches = list(by_stage(stretches)) if len(stretches) > MOST_ROWS else stretches
-    rows = [head, *(_cells(span) for span in stretches)]
+    rows = [head, *(_cells(stage, seconds[stage], parts) for stage, parts in stages.items())]
     widths = [max(len(row[i]) for row in rows) for i in range(len(head))]
     return "\n".join(
         f"{row[0]:<{widths[0]}}  "
@@ -162,12 +122,17 @@ def table(events: Iterable[Event]) -> str:
     )
 
 
-def _cells(span: Span) -> tuple[str, ...]:
+def _cells(stage: str, seconds: float, events: Sequence[Event]) -> tuple[str, ...]:
+    """A row of the table, with the last loss and error that were measured."""
+    loss, error = (
+        next((value for e in reversed(events) if (value := getattr(e, name)) is not None), None)
+        for name in ("loss", "error")
+    )
     return (
-        span.stage,
-        f"{span.seconds:.1f}",
-        str(span.step) if span.step else "",
-        "" if span.loss is None else f"{span.loss:.4f}",
-        "" if span.error is None else f"{span.error:.4f}",
-        "" if span.error is None else f"{psnr_from_rmse(span.error):.1f}",
+        stage,
+        f"{seconds:.1f}",
+        str(events[-1].step or ""),
+        "" if loss is None else f"{loss:.4f}",
+        "" if error is None else f"{error:.4f}",
+        "" if error is None else f"{psnr_from_rmse(error):.1f}",
     )

@@ -185,23 +185,6 @@ class Ranks:
             for tensor, part in zip(tensors, parts):
                 tensor.copy_(part.reshape(tensor.shape))
 
-    def union(self, rows: Tensor, count: int) -> Tensor:
-        """The row numbers, of `count`, that any rank has: ascending, each once.
-
-        Raises LostRankError.
-        """
-        import torch
-
-        if self.size == 1:
-            return rows
-        lengths = [int(length) for length in self._gathered(torch.tensor([len(rows)]))]
-        if max(lengths) == count:
-            return torch.arange(count)
-        padded = torch.zeros(max(lengths), dtype=torch.int32)
-        padded[: len(rows)] = rows
-        parts = self._gathered(padded)
-        return torch.cat([part[:n] for part, n in zip(parts, lengths)]).long().unique()
-
     def first(self, value: T) -> T:
         """Rank 0's value, on every rank: tensors, numbers, texts, and containers of them.
 

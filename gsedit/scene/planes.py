@@ -42,8 +42,12 @@ class Plane:
 
     def facing(self, points: Float[np.ndarray, "n 3"]) -> Plane:
         """The plane with most of the points on its positive side."""
-        side = 1.0 if np.median(self.heights(points)) > 0 else -1.0
-        return replace(self, normal=side * self.normal, offset=side * self.offset)
+        return self.turned(self.normal * np.copysign(1.0, np.median(self.heights(points))))
+
+    def turned(self, way: Float64[np.ndarray, "3"]) -> Plane:
+        """The plane with its normal to the side that a direction points to."""
+        side = np.copysign(1.0, self.normal @ way)
+        return replace(self, normal=side * self.normal, offset=float(side * self.offset))
 
 
 Votes = Callable[
@@ -60,6 +64,7 @@ def voted_plane(
     votes_of: Votes | None = None,
     least: float = 0.0,
     width: float = 0.0,
+    tries: int = TRIES,
 ) -> tuple[Plane, float] | None:
     """The plane with most votes, fitted to the voters on it, and its share of them (RANSAC).
 
@@ -67,7 +72,7 @@ def voted_plane(
     A plane has a `least` share and three voters, and those on it spread over a standard deviation
     of `width` across them; its band is their median distance. None where there is no such plane.
     """
-    normals, offsets = planes_through(*voters[random.integers(len(voters), size=(3, TRIES))])
+    normals, offsets = planes_through(*voters[random.integers(len(voters), size=(3, tries))])
     on = np.abs(voters @ normals.T - offsets) < tolerance
     votes = on.mean(0) if votes_of is None else votes_of(normals, offsets, on)
     for best in np.argsort(-votes, kind="stable"):

@@ -26,7 +26,6 @@ from gsedit.select.segment import Segments, pieces, segment_surfaces
 from gsedit.select.surfaces import VIEW_PIXELS, VIEWS, Neighbors, Surfaces, look, looking_at, smooth
 from rasterizer.camera import Camera
 from rasterizer.color_weights import color_weights
-from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
 
 FROM_AFAR = 1e-5
@@ -82,13 +81,10 @@ class Selector:
     further one inside adds what it hits.
     """
 
-    def __init__(
-        self, scene: Gaussians, cameras: Sequence[Camera] = (), execution: Execution = AUTO
-    ) -> None:
+    def __init__(self, scene: Gaussians, cameras: Sequence[Camera] = ()) -> None:
         """Keep a scene and the cameras that look at it; nothing is computed yet."""
         self.scene = scene.detach()
         self.cameras = tuple(cameras)
-        self.execution = execution
         self._local: dict[tuple[int, ...], Selector] = {}
 
     @cached_property
@@ -136,7 +132,7 @@ class Selector:
             return self
         if chosen not in self._local:
             some = [self.cameras[i] for i in chosen]
-            self._local[chosen] = Selector(self.scene, some, self.execution)
+            self._local[chosen] = Selector(self.scene, some)
         return self._local[chosen]
 
     def box(self, camera: Camera, x0: float, y0: float, x1: float, y1: float) -> Region:
@@ -255,7 +251,7 @@ class Selector:
         camera = click.camera.fitted(VIEW_PIXELS)
         scale = camera.width / click.camera.width
         colors = torch.from_numpy(inside).float()[:, None].expand(-1, 3).contiguous()
-        weights = color_weights(self._surfaces.scene, camera, execution=self.execution)
+        weights = color_weights(self._surfaces.scene, camera)
         shown = (weights.picture(colors)[..., 0] > 0.5).numpy()
         x, y = (int(value * scale) for value in (click.x, click.y))
         same = shown == shown[y, x]
@@ -315,7 +311,7 @@ class Selector:
         """The weight of each Gaussian in the pixels of a view, times values."""
         maps = values[..., None].expand(-1, -1, 3).contiguous()
         scene = scene or self._surfaces.scene
-        pulled = color_weights(scene, camera, execution=self.execution).back(maps)
+        pulled = color_weights(scene, camera).back(maps)
         return pulled[:, 0].double().numpy()
 
     def _region(self, inside: Bool[np.ndarray, " n"], note: str) -> Region:
@@ -328,11 +324,11 @@ class Selector:
                 "the selection is the whole scene, which has no ground or background to tell it "
                 "from: add clicks outside, or leave the selection out"
             )
-        return Region(cut_out(self.scene, self.cameras, flags, self.execution), note)
+        return Region(cut_out(self.scene, self.cameras, flags), note)
 
     @cached_property
     def _surfaces(self) -> Surfaces:
-        return look(self.scene, self.cameras, self.execution)
+        return look(self.scene, self.cameras)
 
     @cached_property
     def _found(self) -> Segments:

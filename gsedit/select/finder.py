@@ -26,7 +26,7 @@ from gsedit.errors import GseditError, Said, UsageError
 from gsedit.formats.flags import read_flags
 from gsedit.run.atomic import atomic_path
 from gsedit.run.state import digest_of
-from gsedit.scene.merging.groups import MergedScene
+from gsedit.scene.merging import MergedScene
 from gsedit.scene.table import table_of
 from gsedit.select.click import Click, Selector
 from gsedit.select.masked import MaskProvider, read_masks
@@ -41,7 +41,7 @@ from gsedit.views.viewpoints import Viewpoint, view_named
 from gsedit.words.phrases import BASED, CARRIERS, IT, PRONOUNS, is_noun
 from rasterizer.camera import Camera
 from rasterizer.compiled import cache_folder
-from rasterizer.numerics import AUTO, Execution
+from rasterizer.numerics import AUTO, Execution, ruled
 from rasterizer.scene import Gaussians
 
 ALIKE = 0.05
@@ -99,7 +99,7 @@ class Finder:
     @cached_property
     def selector(self) -> Selector:
         """The objects of the scene, as clicks select them."""
-        return Selector(self.scene, self.cameras, self.execution)
+        return Selector(self.scene, self.cameras)
 
     def in_region(self, region: str, names: Names) -> Finder:
         """A finder of the same scene with another region for its subject, and other names."""
@@ -145,10 +145,11 @@ class Finder:
         """
         known = self._known  # a search that runs keeps its result in the names of its beginning
         if text not in known:
-            known[text] = self._select(text)
+            known[text] = self._select(text, self.execution)
         return known[text]
 
-    def _select(self, text: str) -> Region:
+    @ruled
+    def _select(self, text: str, execution: Execution) -> Region:
         expression = expression_of(text)
         rule = where(expression, questions(lambda _: self))
         if rule.question is not None:
@@ -162,7 +163,7 @@ class Finder:
     def find_subject(self, *, base: bool = False) -> Region:
         """The main subject; with its `base`, as a plinth, where that is asked for."""
         name = "subject with base" if base else "subject"
-        find = partial(find_subject, self.scene, self.cameras, self.execution, with_carrier=base)
+        find = partial(find_subject, self.scene, self.cameras, with_carrier=base)
         return remembered(name, self.scene, self.cameras, find)
 
     def find_clicked(self, clicks: Sequence[tuple[str, float, float]]) -> Region:
@@ -179,12 +180,10 @@ class Finder:
         def main() -> Bool[Tensor, " n"] | None:
             return None if self.subject.is_all else self.subject.inside
 
-        found = find_phrase(phrase, self.scene, self.cameras, known, main, masks, self.execution)
+        found = find_phrase(phrase, self.scene, self.cameras, known, main, masks)
         if known is None or known.labels[found.inside].max() >= len(known.objects):
             return found  # the ground and what is behind have no outline of their own
-        return replace(
-            found, inside=cut_out(self.scene, self.cameras, found.inside, self.execution)
-        )
+        return replace(found, inside=cut_out(self.scene, self.cameras, found.inside))
 
     def find_named(self, name: str) -> Region:
         """A selection that was saved beside the scene."""
@@ -207,11 +206,11 @@ class Finder:
             raise UsageError(f"{path} is black: draw white where the object is")
         cameras = [self.viewpoints[i].camera for i in masks]
         drawn = list(masks.values())
-        lifted = lift(self.scene, cameras, drawn, self.execution)
+        lifted = lift(self.scene, cameras, drawn)
         inside = find_drawn(self.scene, lifted)
         shown = lifted.weight[inside]
         sure = float((lifted.mean[inside] * shown).sum() / shown.sum().clamp_min(1e-9))
-        cut = within_silhouette(self.scene, cameras, inside, self.execution)
+        cut = within_silhouette(self.scene, cameras, inside)
         found = Region(cut, path, sure=sure)
         if len(masks) > 1:
             return found
@@ -225,7 +224,7 @@ class Finder:
 
     def _shows(self, region: Region, camera: Camera, mask: Float[Tensor, "h w"]) -> float:
         """IoU of the picture of a region with a mask."""
-        shown, drawn = coverage(region, self.scene, camera, self.execution) > 0.5, mask > 0.5
+        shown, drawn = coverage(region, self.scene, camera) > 0.5, mask > 0.5
         return float((shown & drawn).sum() / (shown | drawn).sum().clamp_min(1))
 
     @property

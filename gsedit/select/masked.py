@@ -37,7 +37,6 @@ from gsedit.views.image_ops import downscale
 from gsedit.views.undistort import Lens, undistort, undistortion
 from gsedit.views.viewpoints import Viewpoint
 from rasterizer.camera import Camera
-from rasterizer.numerics import AUTO, Execution
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
 
@@ -86,11 +85,7 @@ class MaskProvider(Protocol):
 
 
 def find_masked(
-    phrase: str,
-    scene: Gaussians,
-    provider: MaskProvider,
-    cameras: Sequence[Camera] = (),
-    execution: Execution = AUTO,
+    phrase: str, scene: Gaussians, provider: MaskProvider, cameras: Sequence[Camera] = ()
 ) -> Region:
     """The Gaussians of what a provider finds in pictures of the scene, seen by these cameras.
 
@@ -98,8 +93,8 @@ def find_masked(
     look for, or finds in no view; GseditError for masks of another size or with NaN.
     """
     provider.check(phrase)
-    looked = _views(scene, cameras, execution)
-    pictures = [render(scene, each, execution=execution).color.clamp(0, 1) for each in looked]
+    looked = _views(scene, cameras)
+    pictures = [render(scene, each).color.clamp(0, 1) for each in looked]
     made = list(provider.masks(pictures, phrase))
     sizes = [tuple(mask.shape) for mask in made], [(c.height, c.width) for c in looked]
     if sizes[0] != sizes[1] or not all(mask.isfinite().all() for mask in made):
@@ -108,7 +103,7 @@ def find_masked(
             "another size, or one with NaN: ask their authors"
         )
     masks = [mask.float().clamp(0, 1) for mask in made]
-    inside = lift_masks(scene, looked, masks, execution)
+    inside = lift_masks(scene, looked, masks)
     best = max((float(mask.max()) for mask in masks), default=0.0)
     if best < LEAST_SURE or not inside.any():
         raise UsageError(
@@ -121,10 +116,7 @@ def find_masked(
 
 @torch.no_grad()
 def lift_masks(
-    scene: Gaussians,
-    cameras: Sequence[Camera],
-    masks: Sequence[Float[Tensor, "_ _"]],
-    execution: Execution = AUTO,
+    scene: Gaussians, cameras: Sequence[Camera], masks: Sequence[Float[Tensor, "_ _"]]
 ) -> Bool[Tensor, " n"]:
     """Whether each Gaussian is inside, by the vote of all views' masks (in [0, 1], a camera each).
 
@@ -136,14 +128,14 @@ def lift_masks(
     best = max((float(mask.max()) for mask in masks), default=0.0)
     said = [i for i, mask in enumerate(masks) if float(mask.max()) >= SILENT * best]
     cameras, masks = [cameras[i] for i in said], [masks[i] for i in said]
-    lifted, graph = lift(scene, cameras, masks, execution), neighbors(scene)
+    lifted, graph = lift(scene, cameras, masks), neighbors(scene)
     values = smoothed(lifted, graph)
     likely = (values > otsu(values, lifted.weight)) & (lifted.weight > MIN_SEEN_PIXELS)
     top = float(values[likely].quantile(TOP)) if likely.any() else 0.0
     if top < LEAST_TOP:
         return torch.zeros_like(likely)
     inside = _alike(values > BIAS * top, values, lifted, graph)
-    return within_silhouette(scene, cameras, inside, execution)
+    return within_silhouette(scene, cameras, inside)
 
 
 def _alike(
@@ -165,8 +157,8 @@ def _alike(
     return kept[number]
 
 
-def _views(scene: Gaussians, cameras: Sequence[Camera], execution: Execution) -> list[Camera]:
-    cameras = cameras_of(scene, cameras, MOST_VIEWS, VIEW_PIXELS, execution)
+def _views(scene: Gaussians, cameras: Sequence[Camera]) -> list[Camera]:
+    cameras = cameras_of(scene, cameras, MOST_VIEWS, VIEW_PIXELS)
     chosen = [cameras[i] for i in evenly_spaced(len(cameras), MOST_VIEWS)]
     return [c if max(c.width, c.height) <= VIEW_PIXELS else c.fitted(VIEW_PIXELS) for c in chosen]
 

@@ -27,7 +27,6 @@ from gsedit.words.colors import named as color_of
 from gsedit.words.lexicon import things
 from gsedit.words.tokens import MARKS, tokens
 from rasterizer.camera import Camera
-from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
 
 KNOWN = things("known")
@@ -227,7 +226,6 @@ def find_phrase(
     segments: Segments | None = None,
     subject: Subject | None = None,
     masks: MaskProvider | None = None,
-    execution: Execution = AUTO,
 ) -> Region:
     """Find what a phrase names in a scene; right and left are as the first of the cameras sees it.
 
@@ -239,8 +237,8 @@ def find_phrase(
     if not queries:
         raise UsageError(f"the phrase is empty: {SAYABLE}")
     if masks is not None and any(query.asks_network for query in queries):
-        return find_masked(phrase, scene, masks, cameras, execution)
-    found = segment(scene, cameras, execution) if segments is None else segments
+        return find_masked(phrase, scene, masks, cameras)
+    found = segment(scene, cameras) if segments is None else segments
     finder = _Finder(phrase, found, subject)
     named = finder.named()
     numbers = named or sorted({row.number for query in queries for row in finder.find(query)})

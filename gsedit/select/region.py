@@ -121,10 +121,7 @@ Gaussian's pixels that must be in it."""
 
 @torch.no_grad()
 def within_silhouette(
-    scene: Gaussians,
-    cameras: Sequence[Camera],
-    inside: Bool[Tensor, " n"],
-    execution: Execution = AUTO,
+    scene: Gaussians, cameras: Sequence[Camera], inside: Bool[Tensor, " n"]
 ) -> Bool[Tensor, " n"]:
     """The Gaussians inside without those that are seen mostly beyond the silhouette of all.
 
@@ -133,7 +130,7 @@ def within_silhouette(
     colors = inside.to(scene.means)[:, None].expand(-1, 3).contiguous()
     sums = scene.means.new_zeros(len(scene), 3)
     for camera in cameras:
-        weights = color_weights(scene, camera, execution=execution)
+        weights = color_weights(scene, camera)
         shown = (weights.picture(colors)[..., :1] > SILHOUETTE).to(sums)
         sums += weights.back(torch.cat((shown, torch.ones_like(shown), shown), -1))
     return inside & (sums[:, 0] >= SILHOUETTE * sums[:, 1])
@@ -144,15 +141,12 @@ CUT_VIEWS, CUT_PIXELS = 8, 320
 
 
 def cut_out(
-    scene: Gaussians,
-    cameras: Sequence[Camera],
-    inside: Bool[Tensor, " n"],
-    execution: Execution = AUTO,
+    scene: Gaussians, cameras: Sequence[Camera], inside: Bool[Tensor, " n"]
 ) -> Bool[Tensor, " n"]:
     """An object without what sticks out of its silhouette in some of the views, which would show
     far outside of it: 24 dB instead of 39 on the bear. All of it where nothing else is left."""
     some = [cameras[i].fitted(CUT_PIXELS) for i in evenly_spaced(len(cameras), CUT_VIEWS)]
-    cut = within_silhouette(scene, some, inside, execution)
+    cut = within_silhouette(scene, some, inside)
     return cut if cut.any() else inside
 
 

@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from difflib import get_close_matches
 from functools import lru_cache
-from itertools import product
 from math import ceil, inf, isfinite, isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,13 +24,38 @@ from gsedit.run.environment import load_extra
 from gsedit.run.inputs import existing_file
 from gsedit.scene.color_space import lab_of_srgb, srgb_of_hex
 from gsedit.scene.neighbors import k_nearest, linked
-from gsedit.scene.shapes import Bool, Float32, Float64, Int
+from gsedit.scene.shapes import Bool, Float, Float32, Float64, Int
 from gsedit.scene.table import SplatTable, gaussians_of
-from gsedit.scene.volumes import inside_ball, inside_box, squared_norm
 
 if TYPE_CHECKING:
     from gsedit.views.dataset import View
     from gsedit.views.viewpoints import Viewpoint
+
+
+def inside_box(
+    points: Float[np.ndarray, "n 3"], low: Sequence[float], high: Sequence[float]
+) -> Bool[np.ndarray, " n"]:
+    """Flag the points between two corners; a side is open where a corner is infinite."""
+    inside = np.ones(len(points), bool)
+    for axis in range(3):
+        if low[axis] > -inf:
+            inside &= points[:, axis] >= low[axis]
+        if high[axis] < inf:
+            inside &= points[:, axis] <= high[axis]
+    return inside
+
+
+def inside_ball(
+    points: Float[np.ndarray, "n 3"], center: Sequence[float], radius: float
+) -> Bool[np.ndarray, " n"]:
+    """Flag the points at most `radius` from the center."""
+    return squared_norm(points - np.array(center, np.float32)) <= np.square(np.float64(radius))
+
+
+def squared_norm(vectors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
+    """Squared lengths; infinite where they leave the float type."""
+    return np.einsum("ij,ij->i", vectors, vectors)
+
 
 QUIET = np.errstate(over="ignore", invalid="ignore", divide="ignore")
 """For masks that compute: a damaged row is not selected, and no reason for a warning."""
@@ -526,10 +550,9 @@ TYPICAL = 8.0
 """A gap, in median distances of a Gaussian to its nearest one, where none is given."""
 SAMPLED_GAUSSIANS = 20_000
 """Gaussians of which that median is taken."""
-_OFFSETS = [d for d in product(range(-2, 3), repeat=3) if d > (0, 0, 0) and min(map(abs, d)) < 2]
-SHELLS = [[d for d in _OFFSETS if sum(map(abs, d)) == distance] for distance in range(1, 6)]
-"""Half of the cells within two sides, by their distance, without the corners: those are farther
-than `gap`."""
+MIXED = np.array((0x1E3779B97F4A7C15, 0x42B2AE3D27D4EB4F, 0x165667B19E3779F9), np.int64)
+"""Large odd factors that make one number of a cell's three; it wraps round, and two cells share one
+by a chance of less than one in a million."""
 
 
 def cluster(n: int = 1, gap: float | None = None, of: Selection = EVERYTHING) -> Selection:
@@ -587,55 +610,29 @@ def typical_gap(points: Float64[np.ndarray, "n 3"]) -> float:
 
 
 def cluster_labels(points: Float64[np.ndarray, "n 3"], gap: float) -> Int[np.ndarray, " n"]:
-    """The number of each point's cluster, from 0."""
-    keys, weights = _cells(points, gap / np.sqrt(3) * (1 - 1e-9))
+    """The number of each point's cluster, from 0.
+
+    Points are sorted into cells whose points all are at most `gap` apart; then cells are linked.
+    """
+    from scipy.spatial import KDTree
+
+    side = gap / np.sqrt(3) * (1 - 1e-9)
+    cells = np.floor(points / side)
+    bits = (cells + 0.0).view(np.int64)  # of any size; -0 is 0
+    keys = (bits ^ (bits >> 29)) @ MIXED
     order = np.argsort(keys, kind="stable")
-    cells, first, counts = np.unique(keys[order], return_index=True, return_counts=True)
-    sample = points[order[first]]
-    labels, untested = np.arange(len(cells)), [np.zeros((0, 2), np.int64)]
-    for offsets in SHELLS:
-        found = [_neighbors(cells, int(np.array(offset) @ weights)) for offset in offsets]
-        pairs = np.concatenate(found)
-        pairs = pairs[labels[pairs[:, 0]] != labels[pairs[:, 1]]]
-        near = np.linalg.norm(sample[pairs[:, 0]] - sample[pairs[:, 1]], axis=1) <= gap
-        labels = _joined(labels, pairs[near])
-        # two centers of the cells may be nearer than those that were compared
-        untested.append(pairs[~near & (counts[pairs].max(1) > 1)])
-    rest = np.concatenate(untested)
-    rest = rest[labels[rest[:, 0]] != labels[rest[:, 1]]]
-    labels = _joined(labels, rest[_touch(points[order], first, counts, rest, gap)])
+    _, first, counts = np.unique(keys[order], return_index=True, return_counts=True)
+    middles, sample = side * (cells[order[first]] + 0.5), points[order[first]]
+    pairs = KDTree(middles).query_pairs(2 * gap, output_type="ndarray")
+    near = np.linalg.norm(sample[pairs[:, 0]] - sample[pairs[:, 1]], axis=1) <= gap
+    labels = linked(pairs[near], len(first))
+    # two centers of the cells may be nearer than those that were compared
+    rest = pairs[(labels[pairs[:, 0]] != labels[pairs[:, 1]]) & (counts[pairs].max(1) > 1)]
+    rest = rest[_touch(points[order], first, counts, rest, gap)]
+    labels = linked(labels[rest], int(labels.max()) + 1)[labels]
     result = np.empty(len(points), np.int64)
     result[order] = np.repeat(labels, counts)
     return result
-
-
-def _cells(
-    points: Float64[np.ndarray, "n 3"], side: float
-) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, "3"]]:
-    """A number for the cell of each point, and what one cell along each axis adds to it.
-
-    Empty layers are left out: three or more between two occupied ones become three, so that a wide
-    scene has small numbers. Beyond 64 bits the numbers wrap round, and two cells share one by a
-    chance of less than one in a million.
-    """
-    layers = np.empty(points.shape, np.int64)
-    for axis in range(3):
-        position = np.floor(points[:, axis] / side)
-        occupied, index = np.unique(position, return_inverse=True)
-        steps = np.minimum(np.diff(occupied), 3.0).astype(np.int64)
-        layers[:, axis] = np.concatenate([[0], np.cumsum(steps)])[index.reshape(-1)] + 2
-    extents = layers.max(0) + 3
-    with np.errstate(over="ignore"):
-        weights = np.array([extents[1] * extents[2], extents[2], 1], np.int64)
-        return layers @ weights, weights
-
-
-def _neighbors(cells: Int[np.ndarray, " c"], step: int) -> Int[np.ndarray, "p 2"]:
-    """Pairs of occupied cells whose numbers, sorted, are `step` apart."""
-    wanted = cells + np.int64(step)
-    at = np.minimum(np.searchsorted(cells, wanted), len(cells) - 1)
-    hit = np.flatnonzero(cells[at] == wanted)
-    return np.stack([hit, at[hit]], 1)
 
 
 def _touch(
@@ -665,11 +662,6 @@ def _touch(
     asked, pair = placed(0)
     distance, _ = k_nearest(tree, asked, 1, bound=1 + 1e-12)
     return np.bincount(pair[np.isfinite(distance[:, 0])], minlength=len(pairs)) > 0
-
-
-def _joined(labels: Int[np.ndarray, " c"], pairs: Int[np.ndarray, "p 2"]) -> Int[np.ndarray, " c"]:
-    """Labels from 0 of which those of a pair's two cells are one."""
-    return linked(labels[pairs], int(labels.max()) + 1)[labels]
 
 
 def grow(selection: Selection, radius: float) -> Selection:

@@ -20,7 +20,6 @@ from gsedit.scene.quantiles import weighted_quantile
 from gsedit.select.layers import find_stacks, joints_of, numbered
 from gsedit.select.surfaces import Surfaces, look
 from rasterizer.camera import Camera
-from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
 
 Kind = Literal["object", "ground", "wall", "background", "sky"]
@@ -111,15 +110,13 @@ class Segments:
 
 
 @torch.no_grad()
-def segment(
-    scene: Gaussians, cameras: Sequence[Camera] = (), execution: Execution = AUTO
-) -> Segments:
+def segment(scene: Gaussians, cameras: Sequence[Camera] = ()) -> Segments:
     """Tell the objects of a scene from each other, its ground, walls, background and sky.
 
     A scene of more than 200,000 Gaussians is told apart by groups of them. Without cameras, some
     are found. Raises UsageError for an empty scene.
     """
-    surfaces = look(scene.detach(), cameras, execution)
+    surfaces = look(scene.detach(), cameras)
     found = segment_surfaces(surfaces)
     return replace(found, labels=surfaces.expanded(found.labels))
 

@@ -1,35 +1,162 @@
 """The subject of a scene: its objects that stand out in pictures of it.
 
-Geometry tells objects apart, and saliency which of them the pictures are about. Where geometry
-cannot tell, as in a capture from one side, the saliency alone decides. `n` Gaussians.
+Geometry tells objects apart, and saliency which of them the pictures are about: that of a published
+network, U2-Net-p (Qin et al. 2020) with its weights. Where geometry cannot tell, as in a capture
+from one side, the saliency alone decides. `n` Gaussians, `v` views of `h w` pixels.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import torch
 from jaxtyping import Bool, Float
 from scipy.spatial import ConvexHull, QhullError
-from torch import Tensor
+from torch import Tensor, nn
+from torch.nn.functional import interpolate, max_pool2d
 
+from gsedit.errors import InputError
 from gsedit.scene.cache import cached_per_scene
 from gsedit.scene.neighbors import linked
 from gsedit.scene.quantiles import weighted_quantile
 from gsedit.select.layers import numbered
 from gsedit.select.region import Lifted, Region, everything, lift, within_silhouette
-from gsedit.select.saliency import SIDE, salient
 from gsedit.select.segment import Segments, segment_surfaces
 from gsedit.select.surfaces import Surfaces, look
 from gsedit.views.around import cameras_of
 from gsedit.views.dataset import evenly_spaced
 from rasterizer.camera import Camera
-from rasterizer.numerics import AUTO, Execution
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
+
+WIDTH, INNER = 64, 16
+"""Channels between the blocks, and within them."""
+DILATIONS = (1, 2, 4, 8)
+"""Distances between the taps of the convolutions of a block that keeps its size."""
+
+
+def _conv(inputs: int, outputs: int, dilation: int = 1) -> nn.Conv2d:
+    return nn.Conv2d(inputs, outputs, 3, padding=dilation, dilation=dilation)
+
+
+def _resized(x: Float[Tensor, "v c h w"], like: Tensor) -> Float[Tensor, "v c i j"]:
+    return interpolate(x, like.shape[-2:], mode="bilinear", align_corners=False)
+
+
+class Block(nn.Module):
+    """A residual U-block: features at `depth` scales, halved from one to the next, and back up;
+    `flat` ones dilate their convolutions instead."""
+
+    def __init__(self, inputs: int, depth: int, *, flat: bool = False) -> None:
+        super().__init__()
+        self.flat = flat
+        dilations = DILATIONS if flat else (*(1,) * (depth - 1), 2)
+        sizes = (WIDTH, *(INNER,) * (depth - 1))
+        self.first = _conv(inputs, WIDTH)
+        self.down = nn.ModuleList(_conv(n, INNER, d) for n, d in zip(sizes, dilations, strict=True))
+        outputs = (WIDTH, *(INNER,) * (depth - 2))
+        back = dilations[:-1] if flat else (1,) * (depth - 1)
+        self.up = nn.ModuleList(_conv(2 * INNER, n, d) for n, d in zip(outputs, back, strict=True))
+
+    def forward(self, x: Float[Tensor, "v c h w"]) -> Float[Tensor, "v k h w"]:
+        x = first = self.first(x).relu()
+        kept: list[Tensor] = []
+        for i, conv in enumerate(self.down):
+            halved = not self.flat and 0 < i < len(self.down) - 1
+            x = conv(max_pool2d(x, 2, ceil_mode=True) if halved else x).relu()
+            kept.append(x)
+        kept.pop()
+        for conv in reversed(self.up):
+            below = kept.pop()
+            x = conv(torch.cat((_resized(x, below), below), 1)).relu()
+        return x + first
+
+
+class U2Net(nn.Module):
+    """Pictures to the probability that a pixel is of what stands out, 320x320 pixels at best."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        shapes: Sequence[tuple[int, bool]] = (
+            (7, False), (6, False), (5, False), (4, False), (4, True), (4, True),
+        )  # fmt: skip
+        inputs = (3, *(WIDTH,) * 5)
+        self.down = nn.ModuleList(
+            Block(n, depth, flat=flat) for n, (depth, flat) in zip(inputs, shapes, strict=True)
+        )
+        self.up = nn.ModuleList(Block(2 * WIDTH, depth, flat=flat) for depth, flat in shapes[:5])
+        self.sides = nn.ModuleList(_conv(WIDTH, 1) for _ in shapes)
+        self.joined = nn.Conv2d(len(shapes), 1, 1)
+
+    def forward(self, x: Float[Tensor, "v 3 h w"]) -> Float[Tensor, "v h w"]:
+        """Return the probabilities for normalised pictures."""
+        kept: list[Tensor] = []
+        for i, block in enumerate(self.down):
+            x = block(max_pool2d(x, 2, ceil_mode=True) if i else x)
+            kept.append(x)
+        features = [kept.pop()]
+        for block in reversed(self.up):
+            below = kept.pop()
+            features.append(block(torch.cat((_resized(features[-1], below), below), 1)))
+        sides = [conv(each) for conv, each in zip(self.sides, reversed(features), strict=True)]
+        maps = [sides[0], *(_resized(each, sides[0]) for each in sides[1:])]
+        return self.joined(torch.cat(maps, 1)).sigmoid()[:, 0]
+
+
+WEIGHTS = Path(__file__).with_name("u2net.safetensors")
+SIDE = 320
+"""Sides of the square that the network looks at, pixels: it was trained on these."""
+MEAN, DEVIATION = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
+"""Mean and deviation of the colors of its training pictures: red, green, blue."""
+
+
+@torch.no_grad()
+def salient(pictures: Float[Tensor, "v h w 3"]) -> Float[Tensor, "v h w"]:
+    """The probability that each pixel is of what stands out in its picture, in [0, 1].
+
+    Pictures are sRGB in [0, 1]. Raises InputError for weights that are missing or damaged.
+    """
+    network = load_network()
+    size = pictures.shape[1:3]
+    x = pictures.float().permute(0, 3, 1, 2)
+    x = interpolate(x, (SIDE, SIDE), mode="bilinear", antialias=True).clamp(0, 1)
+    x = x / x.amax((1, 2, 3), keepdim=True).clamp_min(1e-6)
+    x = (x - x.new_tensor(MEAN)[:, None, None]) / x.new_tensor(DEVIATION)[:, None, None]
+    x = x.contiguous(memory_format=torch.channels_last)  # a third quicker on AVX-512
+    maps = torch.cat([network(each[None]) for each in x])[:, None]
+    return interpolate(maps, size, mode="bilinear", antialias=True)[:, 0].clamp(0, 1)
+
+
+def load_network(path: Path = WEIGHTS) -> U2Net:
+    """The network with the weights of a file, kept until the file changes.
+
+    Raises InputError for a file that is missing, damaged or of another network.
+    """
+    try:
+        return _load(path, path.stat().st_mtime_ns)
+    except Exception as error:  # safetensors and torch raise their own, without a common base
+        reason = next(iter(str(error).strip().splitlines()), type(error).__name__)
+        raise InputError(
+            f"{path} does not hold the weights that find the subject ({reason}): install gsedit "
+            "again, or name the part with --at, --phrase or --region"
+        ) from error
+
+
+@lru_cache(maxsize=1)
+def _load(path: Path, modified_ns: int) -> U2Net:
+    from safetensors.torch import load_file
+
+    with torch.random.fork_rng():  # initial weights would take numbers from the global generator
+        network = U2Net()
+    network.load_state_dict(load_file(path))
+    as_last = nn.utils.convert_conv2d_weight_memory_format
+    return as_last(network.eval().requires_grad_(False), torch.channels_last)
+
 
 VIEWS = 8
 """Most views in which the subject is searched. On six fits of three captures, 16 change its IoU
@@ -75,7 +202,6 @@ class _Looked:
 def find_subject(
     scene: Gaussians,
     cameras: Sequence[Camera] = (),
-    execution: Execution = AUTO,
     *,
     with_carrier: bool = False,
     saliency: Saliency = salient,
@@ -86,7 +212,7 @@ def find_subject(
     finds what stands out in pictures. Without cameras, some are found. Raises UsageError for an
     empty scene, InputError where the network's weights are missing or damaged.
     """
-    looked = _look(scene.detach(), tuple(cameras), execution, saliency)
+    looked = _look(scene.detach(), tuple(cameras), saliency)
     inside, note = _standing_out(looked, with_carrier=with_carrier)
     weight, every = looked.lifted.weight, everything(scene)
     if inside is None or weight[inside].sum() < LEAST_PIXELS * weight.sum():
@@ -94,23 +220,21 @@ def find_subject(
     if weight[inside].sum() > ALONE * weight.sum() and looked.border < EMPTY:
         return replace(every, note="auto: the subject, with nothing around it")
     sure = float((looked.lifted.mean * weight)[inside].sum() / weight[inside].sum())
-    return Region(within_silhouette(scene, looked.cameras, inside, execution), note, sure=sure)
+    return Region(within_silhouette(scene, looked.cameras, inside), note, sure=sure)
 
 
 @cached_per_scene
 @torch.no_grad()
-def _look(
-    scene: Gaussians, cameras: tuple[Camera, ...], execution: Execution, saliency: Saliency
-) -> _Looked:
+def _look(scene: Gaussians, cameras: tuple[Camera, ...], saliency: Saliency) -> _Looked:
     every = cameras_of(scene, cameras, VIEWS, SIDE)
     some = tuple(every[i].fitted(SIDE) for i in evenly_spaced(len(every), VIEWS))
     # with median depth, as every other render of the unedited scene: equal to the last bit
-    renders = [render(scene, camera, median_depth=True, execution=execution) for camera in some]
+    renders = [render(scene, camera, median_depth=True) for camera in some]
     maps = [saliency(each.color.clamp(0, 1)[None])[0] for each in renders]
-    surfaces = look(scene, every, execution)
+    surfaces = look(scene, every)
     return _Looked(
         some,
-        lift(scene, some, maps, execution),
+        lift(scene, some, maps),
         border_opacity([each.alpha for each in renders]),
         surfaces,
         segment_surfaces(surfaces),

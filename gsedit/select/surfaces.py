@@ -19,7 +19,7 @@ from scipy.sparse.linalg import cg
 from torch import Tensor
 
 from gsedit.scene.cache import cached_per_scene
-from gsedit.scene.merging.groups import MAX_GAUSSIANS, MergedScene, coarsen
+from gsedit.scene.merging import MAX_GAUSSIANS, MergedScene, coarsen
 from gsedit.scene.neighbors import k_nearest
 from gsedit.views.around import cameras_of
 from gsedit.views.dataset import evenly_spaced
@@ -27,7 +27,7 @@ from gsedit.views.normals import estimate_normals
 from gsedit.views.place import Place, place_of
 from rasterizer.camera import Camera
 from rasterizer.color_weights import color_weights
-from rasterizer.numerics import AUTO, Execution, sh_to_color
+from rasterizer.numerics import sh_to_color
 from rasterizer.scene import Gaussians, concatenate
 
 VIEWS = 8
@@ -216,7 +216,7 @@ class Surfaces:
 
 @cached_per_scene
 @torch.no_grad()
-def look(scene: Gaussians, cameras: Sequence[Camera] = (), execution: Execution = AUTO) -> Surfaces:
+def look(scene: Gaussians, cameras: Sequence[Camera] = ()) -> Surfaces:
     """Look at a scene's surfaces from at most VIEWS of the cameras; found ones where none are.
 
     A scene of more than MAX_GAUSSIANS is looked at by groups. Raises UsageError for an empty scene.
@@ -226,14 +226,14 @@ def look(scene: Gaussians, cameras: Sequence[Camera] = (), execution: Execution 
     seen = torch.zeros(len(scene))
     for camera in chosen:
         ones = torch.ones(camera.height, camera.width, 3)
-        seen += color_weights(scene, camera, execution=execution).back(ones)[:, 0]
+        seen += color_weights(scene, camera).back(ones)[:, 0]
     place = place_of(scene, some, seen)
     merged = _grouped(scene, place)
     if merged is not None:
         scene = merged.scene
         seen = torch.zeros(len(scene)).index_add_(0, merged.group, seen)
     near = nearest_of(scene)
-    normals = estimate_normals(scene, chosen, execution, near=torch.from_numpy(near[1])).directions
+    normals = estimate_normals(scene, chosen, near=torch.from_numpy(near[1])).directions
     longest = scene.scales.amax(1)
     solid = (scene.opacities > SOLID_OPACITY) & (longest < LARGE * longest[seen > 0].median())
     ahead = torch.stack([camera.forward.double() for camera in some])

@@ -14,15 +14,13 @@ if TYPE_CHECKING:
     from gsedit.select.rules import Selection
     from gsedit.select.where import where
     from gsedit.toolkit.align import AlignLength, AlignTo, AlignToGround
-    from gsedit.toolkit.check import check
     from gsedit.toolkit.clean import Clean, Repair, clean, repair
     from gsedit.toolkit.decimate import Decimate, Order
-    from gsedit.toolkit.defects import Limits, find_defects
+    from gsedit.toolkit.defects import Limits, check, find_defects
     from gsedit.toolkit.filter import Filter, filter, select
     from gsedit.toolkit.merge import Merge, merge
     from gsedit.toolkit.operation import Operation, Whole, apply
-    from gsedit.toolkit.palette import Palette
-    from gsedit.toolkit.recolor import Opacity, Recolor, recolor
+    from gsedit.toolkit.recolor import Opacity, Palette, Recolor, recolor
     from gsedit.toolkit.reduce_sh import ReduceSH
     from gsedit.toolkit.transform import Transform, transform
 

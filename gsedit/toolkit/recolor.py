@@ -1,21 +1,27 @@
-"""Colors and opacities of selected Gaussians, changed as in a photo editor."""
+"""Colors and opacities of selected Gaussians, changed as in a photo editor.
+
+The palette of a picture comes by sliced optimal transport: a map that gives one set of colors the
+distribution of another. `n` colors of a scene with weights, `m` of a picture, `k` quantiles.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from math import isfinite
+from pathlib import Path
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Float, Float32
 
-from gsedit.errors import UsageError
+from gsedit.errors import InputError, UsageError
+from gsedit.scene.color_space import lab_of_srgb, srgb_of_lab
 from gsedit.scene.table import SplatTable
 from gsedit.select.rules import EVERYTHING, Selection
-from gsedit.toolkit.color_maps import ColorMap, mapped
+from gsedit.toolkit.color_maps import ColorMap, as_table, mapped
 from gsedit.toolkit.filter import as_selection
 from gsedit.toolkit.grade import CurvePoints, Grade, curved
-from gsedit.toolkit.operation import OnSelection, Scene, apply
+from gsedit.toolkit.operation import OnSelection, Say, Scene, Whole, apply
 
 FAINTEST = 1e-6
 """Opacity that stands for 0, and its distance from 1 that stands for 1: logits stay finite."""
@@ -89,3 +95,170 @@ def recolor(
     """
     grade = Grade(temperature, tint, exposure, contrast, saturation, hue, curve)
     return apply(scene, Recolor(grade, selection=as_selection(where)))
+
+
+ROTATIONS = 24
+"""Steps of the transport, each along three axes."""
+QUANTILES = 64
+"""Quantiles of a step along one axis; between them the map is straight."""
+DIRECTIONS = 64
+"""Random directions along which a distance of colors is measured."""
+TIES = 1e-9
+"""Lab, between quantiles that are equal: knots must rise."""
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """Transport along three orthogonal axes at once."""
+
+    axes: Float[np.ndarray, "3 3"]
+    """A row an axis."""
+    before: Float[np.ndarray, "3 k"]
+    """Quantiles before the step, increasing along each axis."""
+    after: Float[np.ndarray, "3 k"]
+    """Quantiles after the step, one for each of `before`."""
+
+    def __call__(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+        along = points @ self.axes.T
+        moved = [_continued(*each) for each in zip(along.T, self.before, self.after)]
+        return points + (np.stack(moved, -1) - along) @ self.axes
+
+
+@dataclass(frozen=True, eq=False)
+class ColorTransport:
+    """A map of display colors: steps in Lab, of which `strength` is done."""
+
+    steps: tuple[Step, ...]
+    strength: float = 1.0
+
+    def __call__(self, srgb: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+        """sRGB to sRGB, both clipped to [0, 1]."""
+        lab = start = lab_of_srgb(np.clip(np.asarray(srgb, np.float64), 0, 1))
+        for step in self.steps:
+            lab = step(lab)
+        moved = start + self.strength * (lab - start)
+        return np.clip(srgb_of_lab(moved), 0, 1)
+
+
+def color_transport(
+    source: Float[np.ndarray, "n 3"],
+    weights: Float[np.ndarray, " n"],
+    target: Float[np.ndarray, "m 3"],
+    strength: float = 1.0,
+) -> ColorTransport:
+    """The map of `source` colors, of these weights, to those of a picture; all sRGB.
+
+    Iterative distribution transfer (Pitie et al. 2007), which descends the sliced Wasserstein
+    distance (Rabin et al. 2011): along random axes, quantiles are moved to quantiles.
+    """
+    generator = np.random.default_rng(0)
+    points, goal = lab_of_srgb(np.clip(source, 0, 1)), lab_of_srgb(target)
+    steps = []
+    for _ in range(ROTATIONS):
+        axes = np.linalg.qr(generator.standard_normal((3, 3)))[0].T
+        before = np.stack([quantiles(p, weights) for p in (points @ axes.T).T])
+        after = np.stack([quantiles(p, np.ones(len(goal))) for p in (goal @ axes.T).T])
+        steps.append(Step(axes, before + TIES * np.arange(QUANTILES), after))
+        points = steps[-1](points)
+    return ColorTransport(tuple(steps), strength)
+
+
+def quantiles(
+    values: Float[np.ndarray, " n"], weights: Float[np.ndarray, " n"], count: int = QUANTILES
+) -> Float[np.ndarray, " k"]:
+    """Values below which the fractions 0.5/k, 1.5/k, ... of the weight lie; some weight is above
+    0."""
+    values, weights = values[weights > 0], weights[weights > 0]
+    order = np.argsort(values, kind="stable")
+    below = np.cumsum(weights[order])
+    middle = (below - weights[order] / 2) / below[-1]
+    return np.interp((np.arange(count) + 0.5) / count, middle, values[order])
+
+
+def _continued(
+    values: Float[np.ndarray, " n"], before: Float[np.ndarray, " k"], after: Float[np.ndarray, " k"]
+) -> Float[np.ndarray, " n"]:
+    """Straight pieces through the knots; beyond them, at their mean slope, or 1 if it is more."""
+    inside = np.clip(values, before[0], before[-1])
+    slope = min(1.0, np.ptp(after) / max(np.ptp(before), 1e-12))
+    return np.interp(inside, before, after) + slope * (values - inside)
+
+
+def sliced_distance(
+    a: Float[np.ndarray, "n 3"],
+    weights: Float[np.ndarray, " n"],
+    b: Float[np.ndarray, "m 3"],
+) -> float:
+    """Sliced Wasserstein-2 distance of two sets of sRGB colors, in units of Lab (a difference of
+    1 to 2 is just seen).
+
+    The root of the mean over random directions of the squared difference of 256 quantiles.
+    """
+    axes = np.random.default_rng(1).standard_normal((DIRECTIONS, 3))
+    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+    here, there = (lab_of_srgb(np.clip(each, 0, 1)) @ axes.T for each in (a, b))
+    even = np.ones(len(b))
+    squares = [
+        np.mean((quantiles(p, weights, 256) - quantiles(q, even, 256)) ** 2)
+        for p, q in zip(here.T, there.T)
+    ]
+    return float(np.sqrt(np.mean(squares)))
+
+
+PICTURE_SIZE = 256
+"""Longer side that a picture is reduced to, pixels: its colors hardly change."""
+SAMPLED = 1 << 17
+"""Gaussians, evenly over the rows, from which the map is made."""
+
+
+@dataclass(frozen=True)
+class Palette(Whole):
+    """Give the selected Gaussians the colors of a picture, by sliced optimal transport in Lab.
+
+    A Gaussian counts by its opacity. Colors that were equal stay equal.
+    """
+
+    picture: Path
+    strength: float = 1.0
+    """Share of the way to the other palette in Lab, 0 to 1."""
+    selection: Selection = field(default=EVERYTHING, kw_only=True)
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.strength <= 1:
+            raise UsageError(f"strength {self.strength:g}: give a number from 0 to 1")
+        read_colors(self.picture)
+
+    def apply(self, table: SplatTable, say: Say) -> SplatTable:
+        inside = self.selection.mask(table)
+        drawn = (table.opacities > 0) & np.isfinite(table.colors).all(1)
+        rows = np.flatnonzero(inside & drawn)
+        if not len(rows):
+            raise UsageError("nothing that can be seen is selected: there are no colors to change")
+        sample = rows[:: -(-len(rows) // SAMPLED)]
+        colors, weights = table.colors[sample], table.opacities[sample]
+        goal = read_colors(self.picture)
+        transport = color_transport(colors, weights, goal, self.strength)
+        after = recolored(table, inside, as_table(transport))
+        distances = [sliced_distance(each.colors[sample], weights, goal) for each in (table, after)]
+        say(
+            f"distance of the colors from those of {self.picture.name} (sliced Wasserstein, Lab): "
+            f"{distances[0]:.1f}, now {distances[1]:.1f}"
+        )
+        return after
+
+
+def read_colors(path: Path) -> Float32[np.ndarray, "m 3"]:
+    """The colors of a picture, sRGB in [0, 1]; transparent pixels are left out.
+
+    Raises InputError for a file that is no picture, or that is transparent throughout.
+    """
+    from gsedit.formats.pictures import open_picture
+
+    with open_picture(path) as picture:
+        rgba = picture.convert("RGBA")
+        rgba.thumbnail((PICTURE_SIZE, PICTURE_SIZE))
+        pixels = np.asarray(rgba, np.float32).reshape(-1, 4) / 255
+    seen = pixels[pixels[:, 3] > 0.5, :3]
+    if not len(seen):
+        raise InputError(f"{path} is transparent throughout: it has no colors")
+    return seen

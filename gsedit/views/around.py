@@ -15,7 +15,7 @@ from torch import Tensor
 
 from gsedit.errors import UsageError
 from gsedit.scene.framing import bounds, guess_up
-from gsedit.scene.merging.groups import coarsen
+from gsedit.scene.merging import coarsen
 from gsedit.views.dataset import Dataset
 from gsedit.views.orbit import ELEVATION, orbit, perpendicular
 from gsedit.views.search import (

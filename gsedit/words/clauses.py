@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
+from gsedit.words import lexicon
 from gsedit.words.instruction import Change, Target
 from gsedit.words.refusals import Refused
 from gsedit.words.scan import Word
@@ -327,7 +328,8 @@ def named_parts(clause: Clause) -> Parts:
             behind = False
         elif word.kind == "unknown" and is_thing(words, at) and not pointed:
             found.append((at, "background" if behind else "subject"))
-    return found
+    around = [kind for _, kind in found] == ["scene", "background"]
+    return found[around:]  # "everything around the bear"
 
 
 def is_thing(words: list[Word], at: int) -> bool:
@@ -358,7 +360,8 @@ def refuse_parts(clause: Clause) -> None:
     asked = kinds & {"do", *TARGETS} and kinds & CONTENT
     if sided and not scenic and asked and not any(w.value == "light" for w in words):
         raise Refused("part")
-    if "color" in kinds and any(word.text == "sky" for word in words) and not scenic:
+    drawn = any(word.kind == "look" and word.value in lexicon.styles() for word in words)
+    if any(word.text == "sky" for word in words) and (drawn or ("color" in kinds and not scenic)):
         raise Refused("part")
     if "part" in kinds and not scenic and kinds & {"do", "act", "wish", *CONTENT}:
         raise Refused("part")

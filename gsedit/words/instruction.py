@@ -61,8 +61,8 @@ class Change:
     share of the full circle that it turns counterclockwise as seen from above, or how far it moves
     in shares of its size (see Place.units)."""
     route: str
-    """Way that does the change: "tone", "paint", "material", "light", "scenery" or "object"; or a
-    2D editor that could, "small" or "pix2pix", which the caller chooses."""
+    """Way that does the change: "tone", "paint", "material", "light", "scenery" or "object";
+    "style" where the painter draws it; "pix2pix" where only an editor of any sentence could."""
     phrase: str = ""
     """Words that name the object which changes, as "the red one"; for insert the scene's file; ""
     for what the target says."""
@@ -94,6 +94,8 @@ class Change:
             case "growth":
                 more = {True: "a thick", False: "a thin"}[(self.amount or 0) > 0]
                 return f"{more if self.amount else 'a'} layer of {self.name} on {part}"
+            case "look" if self.route == "style":
+                return f"{part} in the style of {self.name}"
         name = re.sub(r"(?<!from) (above|below)$", r" from \1", self.name)
         more = "weaker" if (self.amount or 0) < 0 else "stronger"
         amount = "" if self.amount is None else f", {abs(self.amount):.0%} {more}"

@@ -1,4 +1,4 @@
-"""Words that a sentence is read by, from `lexicon.txt`: meanings by phrase."""
+"""Words that a sentence is read by, from `lexicon.txt` and `styles.txt`: meanings by phrase."""
 
 from __future__ import annotations
 
@@ -44,6 +44,14 @@ def things(kind: str) -> dict[str, str]:
     return {phrase: value for _, value, phrases in rows for phrase in phrases}
 
 
+def looks() -> dict[str, tuple[str, ...]]:
+    """Names of all that a scene can look like, by kind: material, light, scenery, style."""
+    kinds = ("light", "scenery")
+    named = {kind: tuple(v for told, v, _ in rows_of(TABLE) if told == kind) for kind in kinds}
+    found = {"material": tuple(materials()), **named, "style": tuple(styles())}
+    return {kind: tuple(dict.fromkeys(each)) for kind, each in found.items()}
+
+
 SETS = (
     "tinge", "thing", "time", "adj", "trim", "paint", "made", "foreign", "too", "lack", "mend",
     "act", "drawn", "flaw", "cure", "shade", "emits",
@@ -51,21 +59,39 @@ SETS = (
 """Kinds that tell more of a phrase, whatever else it means."""
 
 
-DRAWN = ("scenery", "unclear")
-"""Kinds of looks: those that Gaussians take, and those that are refused."""
+@lru_cache(1)
+def styles() -> dict[str, int]:
+    """Numbers of the painter's styles by their names."""
+    rows = (value.rpartition(" ") for kind, value, _ in rows_of(STYLES) if kind == "style")
+    return {name: int(number) for name, _, number in rows}
+
+
+@lru_cache(1)
+def style_words() -> dict[str, str]:
+    """Names of styles by the phrases that ask for them, the names among these."""
+    rows = ((value, phrases) for kind, value, phrases in rows_of(STYLES) if kind == "style")
+    own = {each: value.rpartition(" ")[0] for value, phrases in rows for each in phrases}
+    return {name: name for name in styles()} | own
+
+
+@lru_cache(1)
+def near_styles() -> dict[str, list[str]]:
+    """Names of the styles that are nearest to each look that none resembles."""
+    return {value: phrases for kind, value, phrases in rows_of(STYLES) if kind == "near"}
 
 
 @lru_cache(1)
 def entries() -> dict[str, Entry]:
-    """Meanings by phrase; of a phrase of two rows, the later one's."""
-    table = dict[str, Entry]()
+    """Meanings by phrase; of a phrase of two rows, the later one's. Names of painting styles win
+    over all else, and all else over the other phrases that ask for one."""
+    table = {phrase: Entry("look", name) for phrase, name in style_words().items()}
     for kind, value, phrases in sorted(rows_of(TABLE), key=lambda row: row[0] not in SETS):
         if kind == "material":
             value = value.partition(" #")[0]
             phrases = [value, *phrases]
-        told = "fill" if kind in SETS else "look" if kind in DRAWN else kind
+        told = "fill" if kind in SETS else "look" if kind == "scenery" else kind
         table.update({phrase: Entry(told, value or phrase) for phrase in phrases})
-    return table
+    return table | {name: Entry("look", name) for name in styles()}
 
 
 @lru_cache(1)
@@ -75,6 +101,7 @@ def sets() -> dict[str, frozenset[str]]:
     for kind, _, phrases in rows_of(TABLE):
         if kind in found:
             found[kind] |= set(phrases)
+    found["drawn"] |= names("look") | styles().keys()
     return found
 
 

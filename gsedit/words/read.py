@@ -24,10 +24,10 @@ from gsedit.words.clauses import (
     refuse_idle,
     refuse_parts,
 )
+from gsedit.words.direct import routed
 from gsedit.words.instruction import MOST, Change, Instruction, Target
-from gsedit.words.looks import routed
 from gsedit.words.phrases import IT, NUMBERED, PRONOUNS, with_base, without_base
-from gsedit.words.refusals import REASONS, Refused, first_refusal
+from gsedit.words.refusals import REASONS, Refused, first_refusal, unlike_all
 from gsedit.words.scan import Word, scanned
 from gsedit.words.solids import directed, refuse_amount, scenes, shone, solids
 from gsedit.words.tones import asks_less, complains, hues, stressed, tones
@@ -93,6 +93,8 @@ def read_instruction(sentence: str, saved: Collection[str] = ()) -> Instruction:
             raise Refused("amount")
     except Refused as refused:
         kind = str(refused)
+        if kind == "nonsense" and (why := unlike_all(sentence)):
+            return Instruction(sentence, False, why, (), "style")
         return Instruction(sentence, False, REASONS[kind], (), kind)
     return Instruction(sentence, True, "; ".join(map(str, changes)), tuple(changes))
 
@@ -317,9 +319,10 @@ def _placed(change: Change, part: str | None, clause: Clause) -> Change:
     if part is None or part == "rest":
         return change
     lit = change.kind == "light" and not _alone(clause)
-    pictured = change.kind == "look" and any(word.text == "of" for word in clause.words)
+    told = {word.text for word in clause.words}
+    pictured = change.kind == "look" and "of" in told and not told & ONLY
     whole = part == "subject" and (lit or pictured)  # "a sketch of the bear"
-    ground = part == "ground" and change.kind in ("light", "look")
+    ground = part == "ground" and change.kind in ("light", "look") and change.route != "style"
     return change if whole or ground else replace(change, target=part_of(part, change))
 
 

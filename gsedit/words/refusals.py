@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import re
 import unicodedata
+from difflib import SequenceMatcher
 
 from gsedit.errors import Said
-from gsedit.words.lexicon import sets
+from gsedit.words.lexicon import near_styles, sets, style_words, styles
 from gsedit.words.scan import Word
 from gsedit.words.tokens import normalised
 
@@ -89,3 +90,31 @@ def first_refusal(sentence: str, words: list[Word]) -> str | None:
     if odd := next((kind for pattern, kind in ODD if re.search(pattern, text)), None):
         return odd
     return "question" if words and words[0].kind == "ask" else None
+
+
+LIKENED = re.compile(
+    r"(?:\b(?:style|manner) of|\bpainted by|\b(?:as|like|into) an?)"
+    r" (?:an? |the )?(?P<what>[a-z0-9' ]+?)(?: (?:style|painting|picture|drawing|print))?$"
+)
+"""Manner in which a sentence ends: "in the style of Vermeer", "as a hologram"."""
+NEAREST = 3
+"""Styles that are named where none resembles what is asked for."""
+
+
+def unlike_all(sentence: str) -> Said | None:
+    """The refusal of a sentence that ends in a manner which no word of the lexicon is; None for
+    any other sentence."""
+    told = LIKENED.search(re.sub(r"[.! ]+$| (?:please|pls|plz)\b", "", normalised(sentence)))
+    return no_style(told["what"]) if told else None
+
+
+def no_style(what: str) -> Said:
+    """The refusal of what no painting style resembles, with the nearest ones, or those whose words
+    are spelled most like it."""
+    likeness = dict.fromkeys(styles(), 0.0)
+    for phrase, name in style_words().items():
+        likeness[name] = max(likeness[name], SequenceMatcher(None, what, phrase).ratio())
+    spelled = sorted(likeness, key=lambda name: -likeness[name])[:NEAREST]
+    *some, last = near_styles().get(what, spelled)
+    nearest = f"the nearest are {', '.join(some)} and {last}"
+    return Said(f"no painting style resembles {what!r}: {nearest}", "styles")

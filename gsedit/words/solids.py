@@ -7,9 +7,8 @@ from dataclasses import replace
 from gsedit.words import colors, lexicon
 from gsedit.words.amounts import amount_of
 from gsedit.words.clauses import NAMED, TONES, Clause
-from gsedit.words.direct import light_of
+from gsedit.words.direct import light_of, routed
 from gsedit.words.instruction import Change
-from gsedit.words.looks import routed
 from gsedit.words.refusals import Refused
 from gsedit.words.scan import Word
 
@@ -26,6 +25,8 @@ SHINES = ("shine", "shines", "shining")
 STRENGTHS = frozenset(("strength", "power", "intensity", "force"))
 AMOUNTS = ("fraction", "factor", "unit")
 """Kinds of words that end an amount."""
+ANY_DRAWING = frozenset(("drawing", "drawn", "hand drawn", "sketch", "sketched", "a painting"))
+"""Words that say less than another way to draw beside them: "a charcoal sketch"."""
 WEAKER, STRONGER = -0.4, 0.5
 """Shares of a light that "a little" and "strong" take and add."""
 
@@ -100,6 +101,13 @@ def _made(clause: Clause) -> bool:
     return any(word.has("made") and word.text not in ("from", "in") for word in clause.words)
 
 
+def _made_of_look(clause: Clause) -> bool:
+    """Whether something is made of what is a look too: "out of snow", but "a mosaic out of it"."""
+    words, first = clause.words, [word.kind for word in clause.words].index
+    look = first("look") if "look" in clause.kinds() else 0
+    return look > 0 and _made(Clause(words=words[:look]))
+
+
 def _leads(words: list[Word], at: int) -> bool:
     """Whether a color stands before a light, look or material that it belongs to."""
     if at and words[at - 1].value == GLOW:
@@ -143,7 +151,7 @@ def _trim(words: list[Word], at: int) -> tuple[str, int]:
 def scenes(clause: Clause) -> list[Change]:
     """Lights and looks of a clause, of target "scene": one time of day, each other one once."""
     found = list[Change]()
-    if _made(clause) and "look" in clause.kinds():
+    if _made_of_look(clause):
         return found
     times = lexicon.sets()["time"]
     for at, word in enumerate(clause.words):
@@ -157,7 +165,11 @@ def scenes(clause: Clause) -> list[Change]:
         change = Change("scene", "light", name, color, _strength(clause), "")
         if word.kind == "look":
             change = Change("scene", "look", name, None, None, "")
-        if not any(_same_scene(change, each, times) for each in found):
+        same = [each for each in found if _same_scene(change, each, times)]
+        finer = _draws(change) and word.text not in ANY_DRAWING
+        if same and finer:
+            found.remove(same[0])  # "a painting by Monet"
+        if finer or not same:
             found.append(change)
     return [routed(directed(change, clause)) for change in found]
 
@@ -212,9 +224,12 @@ def shone(scenic: list[Change], tone: list[Change]) -> tuple[list[Change], list[
 
 def _same_scene(one: Change, other: Change, times: frozenset[str]) -> bool:
     """Whether two say the same: two ways to draw, two kinds of weather, two times of day."""
-    drawn = lexicon.sets()["drawn"]
-    looks = one.kind == other.kind == "look" and (one.name in drawn) == (other.name in drawn)
+    looks = one.kind == other.kind == "look" and _draws(one) == _draws(other)
     return looks or one.name == other.name or {one.name, other.name} <= times
+
+
+def _draws(change: Change) -> bool:
+    return change.kind == "look" and change.name in lexicon.sets()["drawn"]
 
 
 def _strength(clause: Clause) -> float | None:

@@ -6,7 +6,11 @@ from dataclasses import dataclass
 
 from gsedit.errors import UsageError
 from gsedit.words import lexicon
-from gsedit.words.lexicon import rows_of
+from gsedit.words.clauses import NEGATIONS
+from gsedit.words.direct import LIKE
+from gsedit.words.read import read_instruction
+from gsedit.words.refusals import no_style
+from gsedit.words.scan import scanned
 
 
 @dataclass(frozen=True)
@@ -14,18 +18,34 @@ class Style:
     """A style of the painter."""
 
     name: str
-    number: int
+    number: int | None
+    """Its number among those of the network; None for that of a picture that is given."""
 
 
-STYLES = {
-    name: Style(name, int(number))
-    for name, _, number in (value.rpartition(" ") for _, value, _ in rows_of(lexicon.STYLES))
-}
+STYLES = {name: Style(name, number) for name, number in lexicon.styles().items()}
+"""All styles by their names."""
+GIVEN = Style(LIKE, None)
+"""The style of a picture that is given beside the sentence."""
 
 
-def style_asked(sentence: str) -> Style:
-    """The style that a sentence asks for. Raises UsageError where it asks for none."""
-    for name in STYLES:
-        if sentence.strip().endswith(name):
-            return STYLES[name]
-    raise UsageError(f"{sentence!r} asks for no style")
+def styles_asked(sentence: str) -> tuple[Style, ...]:
+    """The styles that a sentence asks for, to be mixed; `GIVEN` for "in the style of this picture".
+
+    Raises UsageError for a sentence that asks for something else, or is refused.
+    """
+    read = read_instruction(sentence)
+    part, _, told = sentence.rpartition(" in the style of ")
+    if not read.known and told in STYLES and not any(w.kind in NEGATIONS for w in scanned(part)):
+        return (STYLES[told],)  # of a part whose name only the scene knows
+    if not read.known:
+        raise UsageError(f"{sentence.strip()!r}: {read.why}")
+    others = [change for change in read.changes if change.route != "style"]
+    if others and others[0].route == "pix2pix":
+        raise UsageError(no_style(others[0].name))
+    if others:
+        raise UsageError(
+            f"{others[0]}: this is no painting style, and is done without a 2D editor: leave "
+            "--editor out"
+        )
+    names = dict.fromkeys(change.name for change in read.changes)
+    return tuple(GIVEN if name == LIKE else STYLES[name] for name in names)

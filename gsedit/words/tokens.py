@@ -37,6 +37,12 @@ SPELLINGS = (
     (r"(?<=\w)\s+-\s+(?=\w)|->|=>|=|--+|[\u2014\u2013]", " : "),
     (r"(?<=[a-z])-(?=[a-z])", " "),
     (r"\+(?!\d)", " and "),
+    (
+        r"(?:\b(?:in |with )?(?:the |a )?(?:style|manner|look)s? of |(?<!i )(?<!not )\blike )"
+        r"(?:this|that|my|the attached|the given)(?: other)? "
+        r"(?:picture|photo|photograph|image|painting|drawing)\b",
+        "like the given picture",
+    ),
     (r"\b(lighter|darker|paler|deeper|brighter) (?:shade|tone|version) of\b", r"\1"),
 )
 """Patterns and what stands in their place, in order."""

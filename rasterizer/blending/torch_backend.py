@@ -7,7 +7,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import torch
@@ -90,40 +89,6 @@ def forward(inputs: BlendInputs, median: bool, differentiate: bool) -> ForwardPa
     return ForwardPass(Blended(picture, passed, index), saved)
 
 
-class Entries(NamedTuple):
-    """Pixels and Gaussians that show in them; those of one pixel from front to back."""
-
-    pixel: Int[Tensor, " e"]
-    """Row by row of the picture. int32, as `member`."""
-    member: Int[Tensor, " e"]
-    """Row of the table."""
-    alpha: Float[Tensor, " e"]
-
-
-def pixel_entries(inputs: BlendInputs, least: float) -> Entries:
-    """Gaussians that each pixel shows with a weight above `least`. Without gradients."""
-    grid, bins, width = TileGrid(inputs), inputs.bins, inputs.width
-    found: list[Entries] = []
-
-    def watch(group: TileGroup, batch: Batch, alpha: Tensor, weight: Tensor) -> None:
-        shown = (weight.flatten() > least).nonzero().squeeze(-1)
-        slot, q = shown // grid.pixels, shown % grid.pixels
-        member = batch.select(group.members).index_select(0, slot)
-        tile = batch.select_tiles(group.tiles).index_select(0, slot % weight.shape[1])
-        x = tile % bins.columns * bins.size + q % bins.size
-        y = tile // bins.columns * bins.size + q // bins.size
-        taken = alpha.flatten().index_select(0, shown)
-        found.append(Entries((y * width + x).int(), member.int(), taken))
-
-    out = _TiledPicture.empty(grid, width, inputs.height, median=False)
-    for group in grid.groups():
-        _blend(group, out, None, watch)
-    if not found:
-        none = torch.zeros(0, dtype=torch.int32)
-        return Entries(none, none, inputs.table.new_zeros(0))
-    return Entries(*(torch.cat(parts) for parts in zip(*found)))
-
-
 class _OpenTiles:
     """The tiles of a group whose lists go on and that are not opaque."""
 
@@ -163,15 +128,10 @@ class _OpenTiles:
         self._out.store(tiles[: len(self.picture.transmittance)][rows], part)
 
 
-Watch = Callable[[TileGroup, Batch, Tensor, Tensor], None]
-"""Is shown each batch that was blended: its alphas and its weights, [k c q] each."""
-
-
 def _blend(
     group: TileGroup,
     out: _TiledPicture,
     saved: list[_SavedBatch] | None,
-    watch: Watch | None = None,
 ) -> None:
     """Blend a group's tiles to the end of their lists, or until they are opaque."""
     tiles = _OpenTiles(group, out)
@@ -187,7 +147,6 @@ def _blend(
         if saved is not None:
             saved.append(_SavedBatch(batch, transmittance.clone()))
         alpha = group.alpha(batch)
-        unweighted = None if watch is None else alpha.clone()
         passing = group.grid.buffer(1, *alpha.shape)
         passing[0] = transmittance
         torch.sub(1, alpha[:-1], out=passing[1:])
@@ -199,8 +158,6 @@ def _blend(
             above_half += transmittance > 0.5
         colors = group.features_of(batch).permute(1, 2, 0)
         features.baddbmm_(colors, weight.transpose(0, 1))
-        if watch is not None and unweighted is not None:
-            watch(group, batch, unweighted, weight)
     tiles.close()
 
 

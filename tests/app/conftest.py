@@ -23,7 +23,7 @@ def quick_saliency() -> Iterator[None]:
     """All that is not black stands out: every test opens a page, which looks for its subject."""
     drawn = lambda x: (x.amax(1) > -1.7).float()  # noqa: E731 (of normalised colors)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("gsedit.select.saliency.load_network", lambda: drawn)
+        patch.setattr("gsedit.select.subject.load_network", lambda: drawn)
         yield
 
 

@@ -16,7 +16,7 @@ def test_a_reading_tells_part_color_way_and_seconds():
     assert "the selection painted" in read("paint it red").html(USUAL_COUNT, selected=True)
 
 
-@pytest.mark.parametrize("text", ["asdf qwer", "turn it into a van gogh painting", "undo", "<b>"])
+@pytest.mark.parametrize("text", ["asdf qwer", "turn it into pixel art", "undo", "<b>"])
 def test_what_is_refused_tells_why_and_nothing_is_html(text):
     reading = read(text)
     assert reading.refusal

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from importlib import import_module
 
 import pytest
-import torch
 from benchmarks import cloud
 
 from gsedit.bench.renderer import accuracy, speed
@@ -19,37 +17,6 @@ from rasterizer.numerics import AUTO
 @pytest.fixture
 def tiny() -> speed.Workload:
     return cloud(60, 24, 16)
-
-
-def test_picture_errors_are_mean_tail_and_largest():
-    expected = torch.zeros(100, 10, 3)
-    drawn = expected.clone()
-    drawn[0, 0, 0], drawn[5, 5, 1] = -0.5, 0.25
-    found = accuracy.errors(accuracy.Drawn(drawn, {}), accuracy.Drawn(expected, {}))
-    assert found.mean == pytest.approx(0.75 / 3000)
-    assert (found.largest, found.gradient) == (0.5, None)
-
-
-def test_the_worst_gradient_counts():
-    picture = torch.zeros(2, 2, 3)
-    expected = {"a": torch.tensor([3.0, 4.0]), "b": torch.tensor([1.0, 0.0])}
-    drawn = {"a": torch.tensor([3.0, 4.5]), "b": torch.tensor([0.0, 1.0])}
-    got = accuracy.errors(accuracy.Drawn(picture, drawn), accuracy.Drawn(picture, expected))
-    assert got.gradient == pytest.approx(math.sqrt(2))
-    alone = accuracy.Drawn(picture, {"a": drawn["a"]})
-    assert accuracy.errors(alone, accuracy.Drawn(picture, expected)).gradient == pytest.approx(0.1)
-
-
-def test_gradients_that_should_be_zero():
-    zero, one = torch.zeros(3), torch.ones(3)
-    assert accuracy.relative(zero, zero) == 0.0
-    assert accuracy.relative(one, zero) == pytest.approx(math.sqrt(3))
-
-
-def test_the_reference_is_float64_with_all_gradients(tiny):
-    found = accuracy.reference_of(tiny.scene, tiny.camera)
-    assert found.picture.dtype == torch.float64
-    assert set(found.gradients) == {*accuracy.FIELDS, accuracy.POSE}
 
 
 def test_what_is_measured_is_what_renders_by_default(tiny, monkeypatch):

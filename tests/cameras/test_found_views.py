@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from math import pi
-
-import pytest
 import torch
 
 from gsedit.views import search
-from gsedit.views.around import find_up, find_views, normals_from_depth, upright
+from gsedit.views.around import find_up, find_views
 from gsedit.views.search import SearchEffort, ViewConstraints
-from rasterizer import Gaussians, concatenate, look_at, render
+from rasterizer import Gaussians, concatenate
 
 HALF = torch.tensor([2.5, 2.0, 1.25])  # of the room; z is up
 
@@ -88,41 +85,6 @@ def test_the_same_scene_gives_the_same_views():
     assert all(torch.equal(x.world_to_camera, y.world_to_camera) for x, y in zip(a, b, strict=True))
 
 
-def test_bins_tile_the_sphere_and_directions_fall_into_their_own():
-    directions, solid = search.bin_directions()
-    assert float(solid.sum()) == pytest.approx(4 * pi, rel=3e-3)  # midpoint rule
-    assert torch.equal(search._bins(directions), torch.arange(len(solid)))
-
-
-def test_a_panorama_shows_the_nearest_surface_only():
-    scene = concatenate(
-        splats(torch.tensor([[2.0, 0, 0]]), torch.full((1, 3), 0.5)),
-        splats(torch.tensor([[9.0, 0, 0], [0, -4.0, 0]]), torch.full((2, 3), 0.5)),
-    )
-    sample = search.draw_sample(scene, torch.Generator().manual_seed(0))
-    seen = search.panorama(sample, torch.zeros(3))
-    directions, solid = search.bin_directions()
-    assert (seen.weight <= solid * (1 + 1e-5)).all()
-    ahead = int((directions @ torch.tensor([1.0, 0.02, 0.02])).argmax())
-    assert float(seen.log_distance[ahead] / seen.weight[ahead]) == pytest.approx(
-        torch.tensor(2.0).log().item(), abs=0.05
-    )
-    behind = (directions @ torch.tensor([-1.0, 0, 0])) > 0.9
-    assert float(seen.weight[behind].sum()) == 0
-
-
-def test_normals_face_the_camera():
-    camera = look_at(torch.tensor([0.5, 0.2, 0.3]), torch.tensor([0.3, 0.1, -1.2]),
-                     torch.tensor([0.0, 1, 0]), 60.0, 32, 32)  # fmt: skip
-    depth = render(room(0.05), camera, median_depth=True).median_depth
-    assert depth is not None
-    normals = normals_from_depth(camera, depth)
-    floor = normals[:, 2]
-    assert len(normals) > 500
-    assert float((floor > 0.95).float().mean()) > 0.5
-    assert float((floor < -0.5).float().mean()) < 0.01
-
-
 def test_up_is_the_normal_of_the_ground_not_of_a_wall_that_is_faced():
     g = torch.Generator().manual_seed(0)
     up = torch.nn.functional.normalize(torch.tensor([0.2, -1.0, 0.3]).double(), dim=0)
@@ -135,18 +97,6 @@ def test_up_is_the_normal_of_the_ground_not_of_a_wall_that_is_faced():
     assert found is not None
     assert float(found @ up) > 0.995
     assert find_up(search.directions_around(1000).double(), wall, forward[None]) is None
-
-
-def test_upright_turns_about_the_view_only():
-    camera = look_at(torch.tensor([1.0, 2, 3]), torch.zeros(3), torch.tensor([1.0, 0, 0]),
-                     search.FOV, 40, 40)  # fmt: skip
-    turned = upright(camera, torch.tensor([0.0, 0, 5]))
-    assert torch.allclose(turned.forward, camera.forward)
-    assert torch.allclose(turned.center, camera.center)
-    assert float(turned.rotation[0, 2]) == pytest.approx(0, abs=1e-9)  # the horizon is level
-    assert float(-turned.rotation[1, 2]) > 0
-    down = upright(camera, camera.forward)
-    assert down is camera
 
 
 def test_a_stray_row_does_not_move_the_views_away():

@@ -61,12 +61,12 @@ def test_single_pictures_in_every_format_agree(shot, tmp_path):
 
 
 def test_an_antialiased_scene_is_rendered_as_it_was_trained(shot, tmp_path):
-    marked = tmp_path / "marked.npz"
+    marked = tmp_path / "marked.ply"
     table = table_of(load(shot))
     write_scene(marked, SceneHeader(table.degree, antialiased=True), in_blocks(table))
     result = gsedit("render", marked, "--views", "2", "--size", 24, "-o", tmp_path / "a.npy")
     assert result.exit_code == 0, result.stderr
-    assert "marked.npz is marked as antialiased" in result.stderr
+    assert "marked.ply is marked as antialiased" in result.stderr
     viewpoint = same_size(read_cameras(shot.with_name("cameras.json")), 24)[2]
     expected = render(load(shot), viewpoint.camera, numerics=Numerics(antialiased=True)).color
     found = torch.from_numpy(np.load(tmp_path / "a.npy"))

@@ -46,7 +46,7 @@ def shared(flags: np.ndarray, true: np.ndarray) -> float:
 
 
 def test_a_scene_is_read_converted_and_told_about(scene, tmp_path):
-    for suffix in (".ply", ".npz", ".compressed.ply", ".spz", ".glb", ".sog", ".splat"):
+    for suffix in (".ply", ".compressed.ply", ".spz", ".glb", ".sog", ".splat"):
         out = tmp_path / f"a{suffix}"
         assert answer("convert", scene, out)["output"] == str(out)
         told = answer("info", out)
@@ -55,8 +55,6 @@ def test_a_scene_is_read_converted_and_told_about(scene, tmp_path):
     means, told = load(scene).means, answer("info", scene)
     assert [told[axis][0] for axis in "xyz"] == means.amin(0).tolist()
     assert [told[axis][-1] for axis in "xyz"] == means.amax(0).tolist()
-    assert gsedit("info", scene, "--plot", tmp_path / "h.png").exit_code == 0
-    assert Image.open(tmp_path / "h.png").size == (1200, 700)
     before = files(tmp_path)
     assert answer("convert", scene, "--sh-degree", 0, "--dry-run")["gaussians"] == 5
     assert files(tmp_path) == before
@@ -182,7 +180,8 @@ def test_photos_become_a_scene_that_is_edited_and_measured(place, tmp_path):
         assert gsedit(*edit).exit_code == 130
     assert names(out) == {"checkpoint.safetensors", "metrics.unfinished.jsonl"}
     assert gsedit(*edit).exit_code == 2
-    assert gsedit(*edit, "--resume", "--editor", "small").exit_code == 2  # another request
+    other = ("--editor", "command", "--run", "true")
+    assert gsedit(*edit, "--resume", *other).exit_code == 2  # another request
     assert answer(*edit, "--resume")["folder"] == str(out)
     assert gsedit(*edit, "--resume").exit_code == 2  # it is done
     kept = {"scene.ply", "edit.json", "metrics.jsonl", "before_after.png", "cameras.json"}
@@ -272,7 +271,7 @@ def test_a_scene_is_measured_compared_and_exported(place, tmp_path):
     assert told["counts"] == [7000, 5600]
     assert len(told["views"]) == 2
     assert told["worst_view"] in {each["name"] for each in told["views"]}
-    assert Image.open(tmp_path / "diff.png").size[0] > 500
+    assert min(Image.open(tmp_path / "diff.png").size) > 250
 
     for suffix in (".glb", ".obj"):
         mesh = tmp_path / f"mesh{suffix}"

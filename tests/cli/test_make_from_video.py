@@ -47,7 +47,7 @@ def test_a_video_becomes_an_edited_scene(video, tmp_path, monkeypatch):
     settings = partial(replace, features=800)  # of capture; every second counts in a test
     monkeypatch.setattr(verb, "settings_from", lambda *a: settings(settings_from(*a)))
     out = tmp_path / "out"
-    words = "make", video, "make it snow", "-o", out, "--size", 48
+    words = "make", video, "as a woodcut", "-o", out, "--size", 48
     done = gsedit(*words, "--minutes", 0.02, "--frames", 10)
     assert done.exit_code == 0, done.stderr
     assert "10 of 10 photos posed" in done.stderr

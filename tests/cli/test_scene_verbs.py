@@ -72,7 +72,7 @@ def test_an_export_of_nerfstudio_comes_back_into_the_frame_of_its_photos(scene, 
 
 def test_merge_reads_the_others_as_its_options_say(scene, tmp_path):
     other, bad, out = tmp_path / "other.spz", tmp_path / "bad.ply", tmp_path / "out.ply"
-    answer("convert", scene, other, "--spz-frame", "rdf")
+    answer("transform", scene, "--rotate", "180,0,0", "-o", other)  # as if the axes were RDF
     answer("merge", scene, other, "--spz-frame", "rdf", "-o", out)
     np.testing.assert_allclose(means(out)[5:], means(out)[:5], atol=1e-3)
     table = scene_table()
@@ -134,7 +134,7 @@ def test_what_is_recolored_is_decided_before_colors_change(scene, tmp_path):
 
 
 def test_style_keeps_the_columns_of_the_file(scene, tmp_path):
-    picture, marked, out = (tmp_path / name for name in ("p.png", "marked.npz", "out.npz"))
+    picture, marked, out = (tmp_path / name for name in ("p.png", "marked.ply", "out.ply"))
     Image.fromarray(np.random.default_rng(0).integers(0, 255, (32, 32, 3), np.uint8)).save(picture)
     table = table_of(load(scene))
     table = table.replace(extra={"label": np.arange(len(table), dtype=np.int32)})

@@ -20,11 +20,3 @@ def test_downscale_keeps_mean_range_and_constants(size):
 def test_a_third_of_a_turn_permutes_the_channels():
     colors = torch.rand(5, 4, 3, generator=torch.Generator().manual_seed(0))
     torch.testing.assert_close(rotate_hue(colors, 120.0), colors.roll(1, -1))
-
-
-def test_greys_have_no_hue_and_lengths_stay():
-    colors = torch.rand(50, 3, generator=torch.Generator().manual_seed(1)).double()
-    greys = colors[:, :1].expand(-1, 3)
-    torch.testing.assert_close(rotate_hue(greys, 37.0), greys)
-    torch.testing.assert_close(rotate_hue(colors, 37.0).norm(dim=-1), colors.norm(dim=-1))
-    torch.testing.assert_close(rotate_hue(rotate_hue(colors, 37.0), -37.0), colors)

@@ -34,7 +34,7 @@ def test_painters_take_turns_in_the_order_of_the_sentence(tmp_path):
     quick = replace(tiny_edits.SETTINGS, region="all")
     steps = read_steps(words)
     assert [[each.route for each in step.changes] for step in steps] == [
-        ["tone"], ["small"], ["tone"],
+        ["tone"], ["style"], ["tone"],
     ]  # fmt: skip
     result = gsedit.edit(scene, words, data, settings=EditSettings(region=quick.region))
     gray = result.held_out.finals[0].image
@@ -64,9 +64,8 @@ class Blank:
 
 def test_masks_are_refused_where_a_2d_editor_draws():
     given = {"views": tiny_edits.data(), "names": Names(masks=Blank())}
-    for prompt, editor in (("make it impressionist", None), ("make it darker", make_editor())):
-        with pytest.raises(UsageError, match="a 2D editor draws this"):
-            gsedit.edit(tiny_edits.scene(), prompt, editor=editor, **given)
+    with pytest.raises(UsageError, match="a 2D editor gets this one as it is"):
+        gsedit.edit(tiny_edits.scene(), "as gold", editor=make_editor("closed-form"), **given)
 
 
 def test_a_refused_sentence_is_an_error():

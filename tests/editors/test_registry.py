@@ -91,8 +91,8 @@ def gsedit(*words: object):
 def test_ours_are_listed_with_what_they_need():
     ours = {listing.name: listing for listing in list_editors() if listing.source == "gsedit"}
     assert tuple(ours) == tuple(registry.EDITORS.ours)
-    assert ours["small"].ready
-    assert not ours["small"].options
+    assert ours["painter"].ready
+    assert ours["painter"].options == ("--like", "--strength", "--keep-colors")
     assert ours["closed-form"].ready
     assert not ours["closed-form"].options
     for name in ("pix2pix", "diffusers"):
@@ -102,7 +102,7 @@ def test_ours_are_listed_with_what_they_need():
     assert "{input} {output} {prompt}" in ours["command"].needs[0]
     assert all(listing.summary for listing in ours.values())
     assert isinstance(make_editor(), Editor)
-    assert make_editor().name == "small"
+    assert make_editor().name == "painter"
 
 
 def test_listing_them_loads_no_torch():
@@ -154,7 +154,7 @@ def test_the_list_survives_them_all(packages):
     assert result.exit_code == 0, result.stderr
     lines = [json.loads(line) for line in result.stdout.splitlines()]
     assert {line["name"] for line in lines} == {*registry.EDITORS.ours, *found}
-    assert next(line["name"] for line in lines if line["ready"]) == "small"
+    assert next(line["name"] for line in lines if line["ready"]) == "painter"
     result = gsedit("list", "editors")
     assert result.exit_code == 0
     assert "torn         not ready (from torn)" in result.stdout

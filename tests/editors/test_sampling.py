@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import pytest
@@ -15,6 +15,7 @@ from gsedit.paper.diffusion.schedules import Schedule
 from gsedit.paper.diffusion.settings import SamplerDefaults, SamplerSettings
 from gsedit.paper.editors import Capabilities, EditBatch
 from gsedit.paper.editors.sampling import DiffusionEditor, padded
+from gsedit.paper.settings import PRESETS
 
 CELL = 2
 SD = Schedule.scaled_linear()
@@ -62,6 +63,28 @@ def cells(rows: int, columns: int) -> Correspondences:
     """Every cell of two views corresponds to the one at the same place."""
     labels = torch.arange(rows * columns).reshape(1, rows, columns).repeat(2, 1, 1)
     return Correspondences(labels, torch.ones(2, 2), CELL)
+
+
+class Watched(Unchanged):
+    """A denoiser that keeps the latents of its first evaluation."""
+
+    def branches(self, x: torch.Tensor, t: float, condition: torch.Tensor, need: Any) -> Branches:
+        self.__dict__.setdefault("first", x)
+        return super().branches(x, t, condition, need)
+
+
+@pytest.mark.parametrize("strength", [0.98, 1.0])
+def test_at_strength_1_sampling_starts_from_noise_alone(strength):
+    """On this schedule the last level would keep 7.6 % of the render."""
+    starts = []
+    for images in (ramps(16, 16), 1 - ramps(16, 16)):
+        denoiser, settings = Watched(), PRESETS["paper"].settings.sampler
+        batch = EditBatch(images, ramps(16, 16), "x")
+        generator = torch.Generator().manual_seed(0)
+        list(DiffusionEditor(denoiser).edit(batch, replace(settings, strength=strength), generator))
+        starts.append(denoiser.__dict__["first"])
+    noise = torch.randn(starts[0].shape, generator=torch.Generator().manual_seed(0))
+    assert torch.equal(*starts) == torch.equal(starts[0], noise) == (strength == 1)
 
 
 @pytest.mark.parametrize(("height", "width"), [(16, 24), (17, 24), (31, 1), (3, 50), (1, 1)])

@@ -31,10 +31,10 @@ def test_the_demo_leaves_its_folder(tmp_path):
         demo(folder, count=1500, size=64)
     assert ended.value.code == 0
     names = {"scene.ply", "edit.json", "metrics.jsonl", "before_after.png", "error_vs_time.png"}
-    names |= {"cameras.json", "views.json", "region.npy", "targets", "held_out", "held_out_alone"}
-    assert names == {p.name for p in folder.iterdir()}
+    names |= {"cameras.json", "views.json", "region.npy", "targets"}
+    assert names <= {p.name for p in folder.iterdir()} <= names | {"held_out", "held_out_alone"}
     record = json.loads((folder / "edit.json").read_text())
-    assert record["instruction"] == "turn the bear into a jade statue"
+    assert record["instruction"] == "as an expressionist painting"
     events = read_events(folder / "metrics.jsonl")
     assert events[-1].stage == "measure"
     assert events[-1].error is not None

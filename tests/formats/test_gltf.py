@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import json
 import struct
 from pathlib import Path
@@ -128,18 +127,6 @@ def test_interleaved_and_normalised_integers(rotation, angle, tmp_path):
     assert_near(open_scene(path).table(), table, **bounds, sh=1e-6)
 
 
-@pytest.mark.parametrize("inside", [True, False], ids=["data_uri", "file"])
-def test_gltf_with_its_buffer_elsewhere(inside, tmp_path):
-    table = random_table(50, 1)
-    scene, data = by_hand(table, degree=1)
-    uri = "data:application/octet-stream;base64," + base64.b64encode(data).decode()
-    scene["buffers"][0]["uri"] = uri if inside else "the%20splats.bin"
-    (tmp_path / "the splats.bin").write_bytes(data)
-    (tmp_path / "a.gltf").write_text(json.dumps(scene))
-    bounds = {**EXACT, "opacities": 1e-5}
-    assert_near(open_scene(tmp_path / "a.gltf").table(), table, **bounds, sh=1e-6)
-
-
 def test_nodes_place_their_splats(tmp_path):
     """A turned, scaled and moved node: as the similarity in glTF's axes, SH too."""
     table = random_table(50, 2)
@@ -177,8 +164,7 @@ LIES = {
         ),
         "compression_spz_2",
     ),
-    "outside": (lambda s: s["buffers"][0].update(uri="../a.bin"), "leaves"),
-    "absolute": (lambda s: s["buffers"][0].update(uri="/etc/passwd"), "an absolute path"),
+    "outside": (lambda s: s["buffers"][0].update(uri="../a.bin"), "another file"),
     "no_asset": (lambda s: s.pop("asset"), "no asset"),
 }  # fmt: skip
 

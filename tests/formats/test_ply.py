@@ -10,12 +10,11 @@ import pytest
 import torch
 from bad_files import PLY_COLUMNS, ply_bytes, scene_table
 
-from gsedit.errors import InputError, UsageError
+from gsedit.errors import InputError
 from gsedit.formats.files import open_scene
 from gsedit.formats.ply.inria import columns
 from gsedit.formats.ply.records import element_blocks, read_ply_header
 from gsedit.formats.scenes import load, read_scene, save
-from gsedit.run.atomic import atomic_path
 from rasterizer import Gaussians
 
 
@@ -174,30 +173,3 @@ def test_splat_rows(tmp_path):
     color = 0.5 + 0.28209479 * scene.sh[0, 0]
     torch.testing.assert_close(color, torch.tensor([1.0, 0, 0]), atol=1e-6, rtol=0)
     assert scene.logit_opacities.isfinite().all()
-
-
-def test_save_refuses_to_overwrite(tmp_path):
-    path = tmp_path / "scene.ply"
-    path.write_text("mine")
-    with pytest.raises(UsageError, match="-f"):
-        save(random_scene(), path)
-    assert path.read_text() == "mine"
-    save(random_scene(), path, overwrite=True)
-    assert_same(load(path), random_scene())
-
-
-def test_atomic_path_leaves_nothing_behind_on_failure(tmp_path):
-    path = tmp_path / "report.tar.gz"
-    path.write_text("old")
-
-    def interrupted() -> None:
-        with atomic_path(path, overwrite=True) as temporary:
-            temporary.write_text("half")
-            assert temporary.parent == path.parent
-            assert temporary.name.endswith(path.name)
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        interrupted()
-    assert [p.name for p in tmp_path.iterdir()] == [path.name]
-    assert path.read_text() == "old"

@@ -16,7 +16,7 @@ from splat_tables import assert_near, random_table
 from gsedit.errors import InputError, UsageError
 from gsedit.formats.axes import axes_matrix, from_axes, sh_signs, to_axes
 from gsedit.formats.files import open_scene, write_scene
-from gsedit.formats.streams import ReadOptions, SceneHeader, WriteOptions, in_blocks
+from gsedit.formats.streams import SceneHeader, in_blocks
 from gsedit.scene.quaternions import rotation_of
 from gsedit.scene.similarity import Similarity
 from gsedit.scene.table import SplatTable
@@ -41,9 +41,9 @@ def covariances(table: SplatTable) -> np.ndarray:
     return axes @ axes.transpose(0, 2, 1)
 
 
-def write(path: Path, table: SplatTable, **options) -> Path:
+def write(path: Path, table: SplatTable) -> Path:
     header = SceneHeader(table.degree, antialiased=True)
-    write_scene(path, header, in_blocks(table, 70), options=WriteOptions(**options))
+    write_scene(path, header, in_blocks(table, 70))
     return path
 
 
@@ -70,46 +70,28 @@ def test_a_change_of_axes_is_the_similarity_that_it_names(name):
     np.testing.assert_allclose(again.sh, table.sh, atol=1e-5)
 
 
-@pytest.mark.parametrize("version", [3, 4])
-@pytest.mark.parametrize("frame", ["rub", "rdf"])
-@pytest.mark.parametrize("degree", [0, 1, 3, 4])
-def test_what_is_written_is_read_within_half_a_step(version, frame, degree, tmp_path):
-    table = random_table(degree=degree)
-    path = write(tmp_path / "a.spz", table, spz_version=version, spz_frame=frame)
-    # a version 4 along other axes than usual says so; a version 3 has to be told
-    source = open_scene(path, ReadOptions(frame if version == 3 else "rub"))
-    assert (source.count, source.header.degree) == (len(table), degree)
-    assert source.header.antialiased
-    assert source.format == f".spz version {version}"
-    assert_near(source.table(), table, **BOUNDS)
-
-
-@pytest.mark.parametrize("version", [3, 4])
-def test_gsply_reads_what_we_write(version, tmp_path):
+def test_gsply_reads_what_we_write(tmp_path):
     """It leaves the axes as they are: RUB by the specification."""
     table = random_table()
-    ours = gsply.read_spz(write(tmp_path / "a.spz", table, spz_version=version))
+    ours = gsply.read_spz(write(tmp_path / "a.spz", table))
     sh = np.concatenate((ours.sh0[:, None], ours.shN), 1)
     theirs = SplatTable(ours.means, ours.quats, ours.scales, ours.opacities.reshape(-1), sh)
     assert_near(from_axes(theirs, "RUB"), table, **BOUNDS)
 
 
-def test_versions_1_and_2_by_hand(tmp_path):
-    """Version 1 has positions of float16; both have x, y, z of the quaternion as bytes."""
-    for version, positions in (
-        (1, np.float16([1, 2, -3]).tobytes()),
-        (2, b"".join((v << 8).to_bytes(3, "little", signed=True) for v in (1, 2, -3))),
-    ):
-        start = struct.pack("<4sIIBBBB", b"NGSP", version, 1, 0, 8, 0, 0)
-        # alpha, colors, scales, rotation (x = 1, y and z about 0, w rebuilt)
-        body = positions + bytes([255]) + bytes([128, 0, 255]) + bytes([160, 144, 128])
-        body += bytes([255, 128, 128])
-        (tmp_path / "a.spz").write_bytes(gzip.compress(start + body))
-        table = open_scene(tmp_path / "a.spz").table()
-        np.testing.assert_allclose(table.means, [[1, -2, 3]])
-        np.testing.assert_allclose(table.log_scales, [[0, -1, -2]])
-        np.testing.assert_allclose(np.abs(table.quats), [[0, 1, 0, 0]], atol=0.01)
-        assert table.opacities[0] > 0.999
+def test_version_2_by_hand(tmp_path):
+    """It has x, y, z of the quaternion as bytes."""
+    positions = b"".join((v << 8).to_bytes(3, "little", signed=True) for v in (1, 2, -3))
+    start = struct.pack("<4sIIBBBB", b"NGSP", 2, 1, 0, 8, 0, 0)
+    # alpha, colors, scales, rotation (x = 1, y and z about 0, w rebuilt)
+    body = positions + bytes([255]) + bytes([128, 0, 255]) + bytes([160, 144, 128])
+    body += bytes([255, 128, 128])
+    (tmp_path / "a.spz").write_bytes(gzip.compress(start + body))
+    table = open_scene(tmp_path / "a.spz").table()
+    np.testing.assert_allclose(table.means, [[1, -2, 3]])
+    np.testing.assert_allclose(table.log_scales, [[0, -1, -2]])
+    np.testing.assert_allclose(np.abs(table.quats), [[0, 1, 0, 0]], atol=0.01)
+    assert table.opacities[0] > 0.999
 
 
 def test_positions_are_as_fine_as_the_extent_allows(tmp_path):
@@ -118,18 +100,8 @@ def test_positions_are_as_fine_as_the_extent_allows(tmp_path):
         far = table.replace(means=table.means * np.float32(extent / np.abs(table.means).max()))
         again = open_scene(write(tmp_path / f"{extent}.spz", far)).table()
         assert np.abs(again.means - far.means).max() <= step / 2 * 1.01
-    said: list[str] = []
-    write(tmp_path / "c.spz", far, say=said.append)
-    assert not said  # it is as wide as that
-    table.means[7, 1] = 1e6
-    write(tmp_path / "d.spz", table, say=said.append)
-    (told,) = said
-    assert told.startswith("positions are in steps of 0.125, as row 7 (from 0) is 1e+06 from the")
-    assert "without such rows they are in steps of 0.000244141" in told
     with pytest.raises(UsageError, match=r"/b\.spz: .*save a \.ply"):  # not its temporary name
         write(tmp_path / "b.spz", table.replace(means=table.means * 1e8))
-    with pytest.raises(UsageError, match="writes 3 and 4"):
-        write(tmp_path / "b.spz", table, spz_version=2)
 
 
 def test_a_gzip_bomb_is_refused_before_it_fills_memory(tmp_path):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from typing import get_args
 
@@ -14,18 +13,17 @@ from changes import Known, changed_by, painted
 from plain_scenes import needles, same_bits
 
 from gsedit.bench.synthetic import ring_cameras, scenes
-from gsedit.change.materials.apply import Relief, displayed, engraved, fitted, in_material
+from gsedit.change.materials.apply import Relief, displayed, engraved, in_material
 from gsedit.change.materials.named import material_of
-from gsedit.change.materials.patterns import Ground, share_of
-from gsedit.change.materials.shading import environment_brdf
+from gsedit.change.materials.shading import Ground, environment_brdf, share_of
 from gsedit.change.materials.table import MATERIALS, Layer, Material, PatternName
 from gsedit.errors import UsageError
 from gsedit.scene.picture import render_picture
 from gsedit.scene.quaternions import even_directions
+from gsedit.scene.similarity import moved_camera
+from gsedit.toolkit.transform import scale, transform
 from gsedit.views.normals import rows_near
 from gsedit.words.read import read_instruction
-from rasterizer import Camera
-from rasterizer.harmonics import basis
 from rasterizer.numerics import SH_DC
 
 PATTERNS = get_args(PatternName)
@@ -89,17 +87,6 @@ def test_a_smooth_metal_reflects_its_color_head_on_and_white_at_grazing():
     grazing = environment_brdf(gold, torch.zeros(1), torch.full((1,), 1e-3))
     torch.testing.assert_close(head_on, gold, atol=0.05, rtol=0)
     assert float(grazing.amin()) > 0.85
-
-
-def test_a_fit_of_harmonics_finds_harmonics():
-    generator = torch.Generator().manual_seed(0)
-    directions = torch.from_numpy(even_directions(128)).float()
-    wanted = torch.randn(5, 9, 3, generator=generator) * 0.1
-    colors = 0.5 + torch.einsum("vk,nkc->nvc", basis(directions, 2), wanted)
-    found = fitted(colors, directions, torch.ones(5, 128), 2)
-    torch.testing.assert_close(found, wanted, atol=0.03, rtol=0)
-    grey = fitted(torch.full((1, 128, 3), 0.7), directions, torch.ones(1, 128), 0)
-    torch.testing.assert_close(grey, torch.full((1, 1, 3), 0.2 / SH_DC), atol=1e-3, rtol=0)
 
 
 def test_too_bright_light_keeps_its_hue():
@@ -211,18 +198,15 @@ def test_a_dark_stripe_of_another_hue_goes(ball):
     assert after < 0.4 * before
 
 
-def _grown(camera: Camera) -> Camera:
-    pose = camera.world_to_camera.clone()
-    pose[:3, 3] *= 100
-    return replace(camera, world_to_camera=pose)
-
-
 def test_a_larger_world_has_the_same_colors(ball):
     lit, scene, own, _ = ball
     high = scene.means[:, 2] > 3  # nothing is known of the sky, as in a capture that looks down
     scene, own = scene[~high], own[~high]
     cameras = ring_cameras(lit.solid, 6, 48, elevation=30.0)
-    larger = replace(scene, means=100 * scene.means, log_scales=scene.log_scales + math.log(100))
+    larger, cameras_there = (
+        transform(scene, scale=100.0),
+        [moved_camera(each, scale(100.0)) for each in cameras],
+    )
     made = in_material(scene, own, MATERIALS["gold"], cameras).scene
-    grown = in_material(larger, own, MATERIALS["gold"], [_grown(c) for c in cameras]).scene
+    grown = in_material(larger, own, MATERIALS["gold"], cameras_there).scene
     torch.testing.assert_close(grown.sh, made.sh, atol=0.02, rtol=0)

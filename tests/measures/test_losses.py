@@ -57,9 +57,11 @@ def test_gram_does_not_see_where_things_are():
     torch.testing.assert_close(gram(torch.cat((features, features), 3)), gram(features))
 
 
-def test_gram_loss_is_the_sum_over_layers():
+def test_gram_loss_is_johnsons_summed_over_layers():
+    """Johnson et al. 2016: the squared Frobenius norm, of matrices divided by c h w."""
     one, other = ([picture(2, 3, 4, 4, seed=s), picture(2, 5, 2, 2, seed=s)] for s in (0, 1))
-    expected = sum(((gram(a) - gram(b)) ** 2).mean() for a, b in zip(one, other))
+    theirs = ((gram(a) - gram(b)) / a.shape[1] for a, b in zip(one, other))
+    expected = sum(layer.square().sum((1, 2)).mean() for layer in theirs)
     torch.testing.assert_close(gram_loss(one, other), expected)
     assert gram_loss(one, one) == 0
 

@@ -15,6 +15,8 @@ from gsedit import load, save
 from gsedit.bench.synthetic import ring_cameras, scenes, surface_gaussians
 from gsedit.errors import UsageError
 from gsedit.mesh import Mesh, mesh, save_mesh
+from gsedit.scene.similarity import moved_camera
+from gsedit.toolkit.transform import scale, transform
 from gsedit.views.cameras_json import write_cameras
 from gsedit.views.viewpoints import Viewpoint
 from rasterizer.scene import Gaussians, concatenate
@@ -92,18 +94,9 @@ def test_a_watertight_mesh_is_closed_and_has_the_volume(ball):
 
 
 def test_units_are_those_of_the_scene(ball, fused):
-    from gsedit.scene.similarity import Similarity
-    from gsedit.scene.table import gaussians_of, table_of
-
     discs, cameras = ball
-    grown = Similarity(np.eye(3), 50.0, np.zeros(3))
-    larger = gaussians_of(grown.table(table_of(discs)))
-    moved = []
-    for camera in cameras:
-        pose = camera.world_to_camera.clone()
-        pose[:3, 3] *= 50
-        moved.append(replace(camera, world_to_camera=pose))
-    found = mesh(larger, moved, faces=EVERY)
+    moved = [moved_camera(camera, scale(50.0)) for camera in cameras]
+    found = mesh(transform(discs, scale=50.0), moved, faces=EVERY)
     assert np.ptp(found.vertices, axis=0) == pytest.approx(
         50 * np.ptp(fused.vertices, axis=0), 0.03
     )
@@ -131,14 +124,6 @@ def tetrahedron() -> Mesh:
     points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], float)
     faces = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
     return Mesh(points, faces, np.array([[1, 0, 0], [0, 0.5, 0], [0, 0, 1], [0.2, 0.2, 0.2]]))
-
-
-def test_volume_area_and_closedness_of_a_known_solid():
-    solid = tetrahedron()
-    assert solid.is_closed
-    assert solid.volume == pytest.approx(1 / 6)
-    assert solid.areas.sum() == pytest.approx(1.5 + np.sqrt(3) / 2)
-    assert not solid.kept(np.arange(4) > 0).is_closed
 
 
 @pytest.mark.parametrize("suffix", [".glb", ".ply", ".obj", ".stl"])

@@ -9,7 +9,7 @@ from plain_scenes import same_bits
 
 from gsedit.change.objects.bending.bend import Handle, bend, carried
 from gsedit.errors import UsageError
-from gsedit.scene.quaternions import axis_rotation, rotate_sh, rotate_sh_each
+from gsedit.scene.quaternions import axis_rotation
 from gsedit.scene.similarity import Similarity
 from gsedit.toolkit.transform import transform
 from gsedit.views.depth import point_at
@@ -136,14 +136,6 @@ def test_covariances_follow_the_jacobian_of_needles_and_discs():
     assert torch.allclose(covariances(after), expected, atol=1e-6 * float(expected.max()))
     volume = torch.linalg.det(j).abs()
     assert torch.allclose(carried_volume(scene, after), volume, rtol=1e-4)
-
-
-def test_each_gaussian_has_its_own_turn_of_sh():
-    sh = bar(6, degree=3).sh.numpy()
-    turns = np.stack([axis_rotation(np.array((1.0, i, -0.5)), 40.0 * i) for i in range(6)])
-    each = rotate_sh_each(sh, turns)
-    for i in range(6):
-        assert np.allclose(each[i], rotate_sh(sh[i : i + 1], turns[i])[0], atol=1e-5)
 
 
 @pytest.mark.parametrize(

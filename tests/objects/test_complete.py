@@ -6,10 +6,7 @@ import numpy as np
 import pytest
 
 from gsedit.change.objects.removal.complete import (
-    best_labels,
     complete,
-    pixel_pairs,
-    solve_membrane,
 )
 from gsedit.change.objects.removal.sheet import find_shade
 
@@ -48,35 +45,6 @@ def test_known_pixels_keep_their_bits_and_the_rest_is_not_touched():
     done = complete(other, known, HOLE)
     assert np.array_equal(done.picture[~HOLE], other[~HOLE], equal_nan=True)
     assert np.isfinite(done.picture[HOLE]).all()
-
-
-def test_the_membrane_goes_on_with_given_steps():
-    picture = np.stack((ROWS * 1.0, COLUMNS * 2.0), -1)
-    pairs = pixel_pairs(HOLE, ~HOLE)
-    flat = picture.reshape(-1, 2)
-    steps = flat[pairs[:, 1]] - flat[pairs[:, 0]]
-    solved = solve_membrane(np.where(HOLE[..., None], 0, picture), HOLE, ~HOLE, (pairs, steps))
-    assert np.abs(solved - picture).max() < 0.01
-
-
-def energy(labels: np.ndarray, single: np.ndarray, values: np.ndarray, pairs: np.ndarray) -> float:
-    """Cost of labels and their seams."""
-    total = single[labels, np.arange(len(labels))].sum()
-    for end in (0, 1):
-        a, b = values[labels[pairs], pairs[:, [end, end]]].swapaxes(0, 1)
-        total += np.linalg.norm(a - b, axis=-1).sum()
-    return float(total)
-
-
-def test_labels_are_the_best_of_a_small_graph():
-    random = np.random.default_rng(0)
-    pairs = np.stack((np.arange(6), np.arange(1, 7)), 1)
-    every = [np.array([(code >> i) & 1 for i in range(7)]) for code in range(128)]
-    for _ in range(5):
-        single, values = random.random((2, 7)), random.random((2, 7, 3))
-        best = min(energy(each, single, values, pairs) for each in every)
-        found = best_labels(single, values, pairs)
-        assert energy(found, single, values, pairs) < best + 0.02
 
 
 def test_a_shadow_is_found_and_paint_is_not():

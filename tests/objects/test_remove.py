@@ -14,7 +14,7 @@ from plain_scenes import cloud, same_bits
 from torch import Tensor
 
 from gsedit.change.objects import remove
-from gsedit.change.objects.removal.remains import mirrored_under, resting_on
+from gsedit.change.objects.removal.remove import mirrored_under, resting_on
 from gsedit.errors import UsageError
 from gsedit.scene.outcome import Outcome
 from gsedit.select.region import Region, coverage

@@ -13,7 +13,7 @@ import torch
 from closeness import leaves, relative, tensors, weights_like
 from scenes import cloud
 
-from gsedit.capture.fitting import lazy_adam
+from gsedit.capture.fitting import adam
 from rasterizer import Execution, Numerics, render, tiles
 from rasterizer import compiled as library
 from rasterizer.blending import cpp_backend as compiled
@@ -103,7 +103,7 @@ def test_a_picture_is_freed_when_it_is_dropped(execution, module, maker, kernel,
 
 
 def test_it_is_compiled_once(kernel, empty_cache, monkeypatch):
-    source = lazy_adam.SOURCE  # the shortest
+    source = adam.SOURCE  # the shortest
     assert library.make(source).library is not None
     (made,) = empty_cache.iterdir()
     library.make.cache_clear()

@@ -12,6 +12,7 @@ from scenes import cloud, gaussian
 
 from rasterizer import Camera, Execution, Numerics, concatenate, render
 from rasterizer.blending import cpp_backend as compiled
+from rasterizer.numerics import AUTO, ruled, ruling
 from rasterizer.reference import render_reference
 
 EXECUTIONS = [Execution(kernel="torch"), Execution(kernel="compiled")]
@@ -83,3 +84,16 @@ def test_a_line_of_no_width_has_antialiased_gradients(execution):
     numerics = Numerics(antialiased=True)
     for found in gradients(line.to(torch.float32), cloud()[1], execution, numerics=numerics):
         assert found.isfinite().all()
+
+
+def test_an_execution_rules_what_is_rendered_without_one():
+    @ruled
+    def kernel_within(execution=AUTO):
+        return ruling(AUTO).kernel, ruling(Execution(kernel="compiled")).kernel, nested()
+
+    @ruled
+    def nested(execution=AUTO):
+        return ruling(execution).kernel
+
+    assert kernel_within(Execution(kernel="torch")) == ("torch", "compiled", "torch")
+    assert ruling(AUTO) == AUTO

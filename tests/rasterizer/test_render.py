@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import pytest
 import torch
@@ -11,6 +12,7 @@ from render_gradients import BACKGROUND, SEEDS, WHOLE_SUM, gradients
 from scenes import EDGE_CASES, random_cloud
 from scenes import camera as view_of
 
+from gsedit.bench.synthetic import demo_scene, ring_cameras, surface_gaussians
 from rasterizer import Camera, Gaussians, Numerics, look_at, render
 from rasterizer.reference import render_reference
 
@@ -132,3 +134,32 @@ def test_float32_gradients_of_clouds_are_exact_to_the_promised_bars(seed, numeri
             found[of].double().flatten(), exact.flatten(), dim=0
         )
         assert cosine > 0.999999, of
+
+
+def test_most_of_the_error_of_one_sample_is_the_blur_and_antialiasing_halves_it(record_property):
+    """On a grid k times as fine the blur is held at 0.3 k^2 pixels, or shrinks to nothing."""
+    scene = surface_gaussians(demo_scene(), 2000, torch.Generator().manual_seed(0))
+    (camera,) = ring_cameras(demo_scene(), 1, 96)
+
+    def sampled(k, **numerics):
+        lens = {name: k * getattr(camera, name) for name in ("fx", "fy", "cx", "cy")}
+        finer = replace(camera, **lens, width=96 * k, height=96 * k)
+        with torch.no_grad():
+            color = render(scene, finer, numerics=Numerics(**numerics)).color
+        return color.reshape(96, k, 96, k, 3).mean((1, 3))
+
+    def rmse(ours, theirs):
+        return float((ours - theirs).square().mean().sqrt())
+
+    blurred, bare = sampled(16, blur=0.3 * 16**2), sampled(16, blur=1e-3)
+    held, plain, smooth = (
+        [rmse(sampled(k, **numerics(k)), theirs) for k in (1, 2, 4, 8)]
+        for theirs, numerics in (
+            (blurred, lambda k: {"blur": 0.3 * k**2}), (bare, lambda k: {}),
+            (bare, lambda k: {"antialiased": True}),
+        )
+    )  # fmt: skip
+    record_property("RMSE of 1, 4, 16, 64 samples", f"{held}; no blur: {plain}, {smooth}")
+    assert held[0] < plain[0] / 5
+    assert all(a < 0.6 * b for a, b in zip(smooth, plain))
+    assert all(b < a / 3 for a, b in pairwise(held))

@@ -18,7 +18,7 @@ def test_a_verdict_is_decided_by_the_interval_and_half_of_the_size():
     assert verdict_of(-0.6, -1.1, -0.1, half=0.5) == "opposite"
 
 
-def effects(*scenes, editor="small"):
+def effects(*scenes, editor="one"):
     return {f"scene {k}": {editor: list(values)} for k, values in enumerate(scenes)}
 
 
@@ -34,7 +34,7 @@ def effects(*scenes, editor="small"):
         (effects([1.0, 1.1, 1.2, 1.0, 1.1]), "direction only"),  # one scene is never more
         (effects([-1.0, -1.1, -1.2]), "opposite direction only"),  # either way
         (effects([1.0]), "not decided"),  # nor one run anything
-        ({"a": {"small": [1.0], "varied": [1.1]}}, "not decided"),  # nor one seed
+        ({"a": {"one": [1.0], "varied": [1.1]}}, "not decided"),  # nor one seed
     ],
 )
 def test_every_kind_of_result_has_its_verdict(found, verdict):
@@ -60,7 +60,7 @@ def test_the_interval_of_several_editors_covers_their_mean():
             f"scene {k}": {
                 "closed-form": [2.0 + away[0][k]] if k < 3 else [],
                 "varied": [0.0 + away[1][k]],
-                "small": [-1.0 + 0.1 * x for x in away[2]] if k == 0 else [],
+                "third": [-1.0 + 0.1 * x for x in away[2]] if k == 0 else [],
             }
             for k in range(6)
         }
@@ -77,3 +77,19 @@ def test_factors_are_judged_by_their_order_alone():
     assert not judge_factors(effects(*[[x] for x in logs[1:]]), log(5)).has_interval  # five
     ten = judge_factors(effects(*[[log(x)] for x in (1.1, 6, 6, 7, 7, 8, 8, 9, 9, 90)]), log(5))
     assert (ten.low, ten.high, ten.verdict) == (log(6), log(9), "reproduced")
+
+
+@pytest.mark.parametrize(
+    ("factors", "verdict"),
+    [
+        ([0, 0, 0, 0, 0, 0], "not reached"),
+        ([0, 0, 0], "not reached"),  # of few runs too, if none got there
+        ([0, 0, 0, 0, 0, 0, 0.1, 0.2], "not reached"),  # the slow ones are few
+        ([0, 0, 0, 0, 0, 30], "not decided"),
+        ([0, 0, 30], "not decided"),
+        ([0, 0.1, 0.1, 0.1, 0.1, 0.1], "opposite"),  # most got there, and later
+    ],
+)
+def test_opposite_is_said_of_what_was_seen(factors, verdict):
+    logs = [[log(factor) if factor else -inf] for factor in factors]
+    assert judge_factors(effects(*logs), log(5)).verdict == verdict

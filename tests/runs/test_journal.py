@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import math
-
 from command_line import read_events
 
 from gsedit import Event
-from gsedit.pictures.figures import curves, spans, table
+from gsedit.pictures.figures import table
 from gsedit.run.events import as_record
 from gsedit.run.json_lines import Journal
 
@@ -28,23 +26,9 @@ def test_what_is_written_is_read_back(tmp_path):
     assert read_events(journal.path) == EVENTS
 
 
-def test_curves_hold_only_what_was_measured():
-    odd = [*EVENTS, Event("measure", 8.0, error=math.nan)]
-    assert curves(odd) == {"update": [(4.5, 0.1)], "measure": [(5.0, 0.01)]}
-    assert curves(odd, "loss") == {"update": [(2.0, 0.5), (4.5, 0.25), (7.0, 0.2)]}
-
-
-def test_spans_partition_the_time():
-    stretches = list(spans(EVENTS))
-    assert [s.stage for s in stretches] == ["render", "update", "measure", "update"]
-    assert sum(s.seconds for s in stretches) == EVENTS[-1].seconds
-    assert stretches[1].loss == 0.25
-    assert stretches[1].error == 0.1
-
-
-def test_table_has_a_row_a_stretch_and_straight_columns():
+def test_table_has_a_row_a_stage_and_straight_columns():
     lines = table(EVENTS).splitlines()
-    assert len(lines) == 1 + 4
+    assert len(lines) == 1 + 3
     assert len({len(line) for line in lines}) == 1
     assert "20.0" in lines[2]  # 0.1 RMSE is 20 dB
     assert table([]).startswith("stage")

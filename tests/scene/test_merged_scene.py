@@ -10,7 +10,7 @@ from divide import divide
 
 from gsedit.bench.synthetic import demo_scene, ring_cameras, surface_gaussians
 from gsedit.measures.formulas import psnr
-from gsedit.scene.merging.groups import coarsen
+from gsedit.scene.merging import coarsen
 from rasterizer import render
 from rasterizer.numerics import SH_DC
 

@@ -10,9 +10,8 @@ import torch
 from changes import painted
 from plain_scenes import cloud, discs, ring
 
-from gsedit.change.light.present import survey
-from gsedit.change.scenery.setting import Setting
-from gsedit.change.scenery.table import SCENERIES, autumn, in_scenery, snow
+from gsedit.change.light.relight import survey
+from gsedit.change.scenery.table import SCENERIES, Setting, autumn, in_scenery, snow
 from gsedit.errors import UsageError
 from gsedit.words.instruction import Change
 from rasterizer.harmonics import colors

@@ -110,12 +110,6 @@ def test_a_provider_is_asked_about_pictures_of_the_scene(table, labelled):
         find_masked("the blue ones", labelled.scene, provider, cameras)
 
 
-def test_without_cameras_viewpoints_are_found(labelled, monkeypatch):
-    monkeypatch.setattr("gsedit.select.masked.MOST_VIEWS", 3)
-    monkeypatch.setattr("gsedit.select.masked.VIEW_PIXELS", 64)
-    assert find_masked("red", labelled.scene, Reds()).inside.any()
-
-
 class Answers(Reds):
     def __init__(self, mask):
         self.mask = mask

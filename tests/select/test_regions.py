@@ -24,7 +24,6 @@ from gsedit.select.region import (
     find_drawn,
     in_one_color,
     lift,
-    otsu,
     save_region,
     tinted,
     within_silhouette,
@@ -124,22 +123,6 @@ def test_coverage_and_what_is_left_make_the_picture(labelled, cameras):
     assert coverage(everything(scene), scene, cameras[0]).min() == 1
 
 
-def test_a_change_of_color_inside_is_the_composite(labelled, cameras):
-    """The composite over the unedited picture is exact where all of a region turns one color:
-    the Gaussians inside can show it, and those outside need not move."""
-    scene, inside = labelled.gaussians, labelled.subject
-    edited = replace(scene, sh=torch.where(inside[:, None, None], 0.0, scene.sh))  # 0 is grey
-    with torch.no_grad():
-        before, after = (render(each, cameras[1]).color for each in (scene, edited))
-    covered = coverage(Region(inside), scene, cameras[1])
-    outside_black = replace(scene, sh=torch.where(inside[:, None, None], scene.sh, -1.772454))
-    with torch.no_grad():
-        subject = render(outside_black, cameras[1]).color
-    torch.testing.assert_close(
-        after, before - subject + 0.5 * covered[..., None], atol=2e-3, rtol=0
-    )
-
-
 def test_only_the_inside_is_tinted(labelled, cameras):
     scene, region = labelled.gaussians, Region(labelled.subject)
     with torch.no_grad():
@@ -221,13 +204,6 @@ def test_a_constant_is_lifted_to_itself(labelled, cameras):
     torch.testing.assert_close(lifted.weight.sum(), pixels, rtol=1e-4, atol=0)
 
 
-def test_the_threshold_separates_two_kinds_of_values():
-    values = torch.cat((0.2 + 0.02 * torch.arange(5), 0.8 + 0.02 * torch.arange(3)))
-    assert 0.3 < otsu(values, torch.ones(8)) < 0.8
-    rare = torch.tensor([0.1, 0.12, 0.9])
-    assert 0.12 < otsu(rare, torch.tensor([100.0, 100.0, 1.0])) < 0.9
-
-
 def test_smoothing_keeps_what_is_sure_and_fills_what_is_not(labelled):
     graph = neighbors(labelled.gaussians)
     values = labelled.subject.float()
@@ -256,14 +232,6 @@ def test_what_an_edit_changes_is_found_unless_it_is_everything(labelled, cameras
         assert find_changed(labelled.gaussians, lifted) is None
     nothing = [torch.zeros(SIZE, SIZE) for _ in cameras]
     assert find_changed(labelled.gaussians, lift(labelled.gaussians, cameras, nothing)) is None
-
-
-def test_neighbors_are_mutual_and_alone_is_allowed(labelled):
-    matrix = neighbors(labelled.gaussians).affinity
-    assert abs(matrix - matrix.T).max() < 1e-12
-    for count in (1, 2):
-        part = labelled.gaussians[:count]
-        assert neighbors(part).affinity.shape == (count, count)
 
 
 def test_a_wide_gaussian_that_shows_beyond_the_silhouette_is_left_out(labelled, cameras):

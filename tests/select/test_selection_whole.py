@@ -220,14 +220,3 @@ def test_what_is_near_that_point_stays(cameras):
     near = away <= 0.5 * 4 * np.sqrt(1.16)
     assert 0 < near.sum() < 500
     np.testing.assert_array_equal(kept.means, table.means[near])
-
-
-def test_an_expression_names_it_by_its_cameras(cameras):
-    table = random_table(500)
-    named = select(table, f"not middle(0.5, '{cameras}')")
-    np.testing.assert_array_equal(named, ~select(table, middle(0.5, str(cameras))))
-
-
-def test_a_share_must_be_above_zero(cameras):
-    with pytest.raises(UsageError, match="above 0"):
-        middle(0.0, str(cameras))

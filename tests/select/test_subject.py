@@ -13,8 +13,7 @@ from regions_iou import iou
 
 from gsedit.errors import InputError
 from gsedit.select.region import Region, coverage, lift
-from gsedit.select.saliency import SIDE, load_network, salient
-from gsedit.select.subject import block_under, border_opacity, find_subject
+from gsedit.select.subject import SIDE, block_under, find_subject, load_network, salient
 from gsedit.select.surfaces import look
 from gsedit.views.orbit import circle
 
@@ -101,13 +100,6 @@ def test_the_subject_without_surroundings_is_the_whole_scan(labelled, cameras):
     found = find_subject(scan, cameras, saliency=lambda p: (p.amax(-1) > 0.02).float())
     assert found.is_all
     assert "nothing around" in found.note
-
-
-def test_the_border_of_a_picture_tells_whether_it_is_empty():
-    alpha = torch.zeros(4, 6)
-    alpha[1:3, 1:5] = 1
-    assert border_opacity([alpha]) == 0
-    assert border_opacity([alpha, torch.ones(4, 6)]) == 0.5
 
 
 @pytest.fixture(scope="module")

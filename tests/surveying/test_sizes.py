@@ -11,7 +11,7 @@ from gsedit.bench.synthetic import demo_scene, ring_cameras, surface_gaussians
 from gsedit.errors import UsageError
 from gsedit.mesh import Mesh
 from gsedit.mesh.sizes import SurfacePoint, area, distance, ground_of, height, point_at, volume
-from gsedit.toolkit.align import Plane
+from gsedit.scene.planes import Plane
 
 
 def points(*positions, sigma=0.0):
@@ -32,7 +32,7 @@ def test_errors_of_points_add_up():
     assert size.sigma == pytest.approx(0.1 * sqrt(2), rel=1e-4)
     assert size.interval == pytest.approx((5 - 1.96 * size.sigma, 5 + 1.96 * size.sigma))
     assert str(size) == "5.00 ± 0.28 units (95 %)"
-    ground = Plane(np.array([0.0, 0.0, 1.0]), 1.0, 0.5, 0.9)
+    ground = Plane(np.array([0.0, 0.0, 1.0]), 1.0, 0.5)
     above = height(points((0, 0, 4), sigma=0.3)[0], ground, 0.4)
     assert (above.value, above.sigma) == pytest.approx((3, 0.5))
 

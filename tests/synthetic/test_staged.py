@@ -2,17 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import torch
 from bench.staged import stage, stages
 from bench.staged.sets import FLOOR
-
-from gsedit.bench.synthetic.paint import plain
-from gsedit.scene.similarity import IDENTITY, Similarity
-from rasterizer import render
 
 COUNT, SIZE = 800, 32
 
@@ -20,11 +14,6 @@ COUNT, SIZE = 800, 32
 @pytest.fixture(scope="module")
 def meadow():
     return stage("meadow")
-
-
-@pytest.fixture(scope="module")
-def given(meadow):
-    return meadow.gaussians(COUNT)
 
 
 def test_every_stage_shows_its_things_to_a_training_and_a_held_out_camera():
@@ -66,29 +55,6 @@ def test_without_a_thing_no_shadow_of_it_is_left_and_nothing_else_changes(meadow
         meadow.without("green ball")
 
 
-def test_moving_back_gives_the_same_picture(meadow):
-    quarter = np.array(((0.0, -1, 0), (1, 0, 0), (0, 0, 1)))
-    away = Similarity(quarter, 1.3, np.array((0.3, -0.2, 0.1)))
-    camera = meadow.held_out(SIZE)[0]
-    there = meadow.moved("blue post", away)
-    back = there.moved("blue post", away.inverse)
-    assert there.thing("blue post").height == pytest.approx(1.3 * 0.6)
-    assert torch.allclose(back.photo(camera, 1), meadow.photo(camera, 1), atol=1e-5)
-    assert (there.photo(camera, 1) - meadow.photo(camera, 1)).abs().max() > 0.1
-    assert there.moved("blue post", IDENTITY).thing("blue post").low == pytest.approx(
-        there.thing("blue post").low
-    )
-
-
-def test_another_color_stays_on_its_thing(meadow):
-    camera = meadow.held_out(SIZE)[0]
-    ball = replace(meadow.thing("red ball"), coat=plain((0.1, 0.3, 0.8)))
-    new = meadow.with_thing(ball).photo(camera, 1)
-    difference = (new - meadow.photo(camera, 1)).abs().amax(-1)
-    assert difference[~meadow.mask(camera, "red ball")].max() < 0.02
-    assert difference[meadow.mask(camera, "red ball")].median() > 0.2
-
-
 def test_snow_lies_on_level_ground_at_its_thickness_and_not_beneath_a_ball(meadow):
     solid = meadow.snowed(0.05).scene.sdf
     x, y = torch.tensor((-0.12, 0.6)), torch.tensor((0.0, -0.6))
@@ -110,24 +76,3 @@ def test_bent_points_lie_on_the_bent_thing_and_its_foot_stays(meadow):
     assert post.bent(60.0).solid(bent).abs().max() < 1e-7
     foot = torch.from_numpy(post.foot)[None]
     assert torch.equal(post.bend_points(foot, 60.0), foot)
-
-
-def test_gaussians_know_their_thing_and_are_kept_where_nothing_changed(meadow, given):
-    assert set(given.labels.tolist()) == {0, 1, 2}
-    low = given.scene.means[given.of("red ball")].amin(0)
-    assert (low > torch.tensor(meadow.thing("red ball").low) - 0.01).all()
-    same, origin = meadow.gaussians_from(meadow, given, COUNT)
-    assert torch.equal(origin, torch.arange(len(given.scene)))
-    assert torch.equal(same.scene.sh, given.scene.sh)
-
-
-def test_gaussians_without_a_thing_close_the_hole(meadow, given):
-    bare = meadow.without("red ball")
-    left, origin = bare.gaussians_from(meadow, given, COUNT)
-    old = origin >= 0
-    assert torch.equal(left.scene.means[old], given.scene.means[origin[old]])
-    assert not given.of("red ball")[origin[old]].any()
-    camera = meadow.training(SIZE)[9]
-    hole = meadow.mask(camera, "red ball") & bare.mask(camera, "grass")
-    assert hole.any()
-    assert render(left.scene, camera).alpha[hole].min() > 0.8

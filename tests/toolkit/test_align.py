@@ -10,7 +10,7 @@ from gsedit.scene.quaternions import rotation_of
 from gsedit.scene.similarity import Similarity
 from gsedit.scene.table import SplatTable
 from gsedit.toolkit import AlignLength, AlignToGround, apply
-from gsedit.toolkit.registration import register
+from gsedit.toolkit.align import register
 
 MOVE = Similarity(rotation_of(np.array([0.4, -0.3, 0.8, 0.2])), 2.3, np.array([4.0, -7.0, 1.0]))
 

@@ -6,19 +6,12 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-import torch
+from splat_tables import random_table
 
 from gsedit.formats.streams import SceneHeader, gather, in_blocks
-from gsedit.scene.table import SplatTable, gaussians_of, table_of
+from gsedit.scene.table import SplatTable
 from gsedit.toolkit import Operation, ReduceSH, Whole, apply
 from gsedit.toolkit.operation import run
-
-
-def random_table(n: int = 10, degree: int = 2) -> SplatTable:
-    draw = np.random.default_rng(0)
-    shapes = [(n, 3), (n, 4), (n, 3), (n,), (n, (degree + 1) ** 2, 3)]
-    arrays = [draw.normal(size=shape).astype(np.float32) for shape in shapes]
-    return SplatTable(*arrays, extra={"label": np.arange(n)})
 
 
 @dataclass(frozen=True)
@@ -41,7 +34,7 @@ class Backwards(Whole):
 
 
 def test_parts_give_what_the_whole_gives():
-    table, said = random_table(), []
+    table, said = random_table(10, 2).replace(extra={"label": np.arange(10)}), []
     header = SceneHeader(table.degree, {"label": table.extra["label"].dtype})
     steps = (Opaque(), Backwards(), ReduceSH(1))
     after, blocks, counts = run(header, in_blocks(table, 3), steps, said.append)
@@ -57,12 +50,3 @@ def test_parts_give_what_the_whole_gives():
     assert said[0] == "turned"
     assert "colors change by" in said[1]
     assert str(counts[0][1]) == f"kept {len(keep)} of 10 ({10 * (len(keep) - 10):+.1f} %)"
-
-
-def test_a_scene_of_tensors_stays_one():
-    scene = gaussians_of(random_table())
-    less = apply(scene, ReduceSH(1))
-    assert less.degree == 1
-    torch.testing.assert_close(less.sh, scene.sh[:, :4], rtol=0, atol=0)
-    assert scene.degree == 2
-    assert table_of(scene).means.base is not None  # shared, not copied

@@ -11,7 +11,7 @@ from PIL import Image
 from gsedit.scene.color_space import lab_of_srgb, srgb_of_lab
 from gsedit.scene.table import SplatTable
 from gsedit.toolkit import Palette, apply
-from gsedit.toolkit.palette import color_transport, read_colors, sliced_distance
+from gsedit.toolkit.recolor import color_transport, read_colors, sliced_distance
 
 
 def test_lab_is_kornias_and_goes_back():

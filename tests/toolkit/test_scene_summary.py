@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from splat_tables import random_table
 
 from gsedit.errors import InputError
 from gsedit.formats.streams import SceneHeader, SceneSource, in_blocks
@@ -19,12 +20,6 @@ def source_of(table: SplatTable, rows: int = 7) -> SceneSource:
     return SceneSource(path, "made here", header, len(table), lambda: in_blocks(table, rows))
 
 
-def random_table(n: int) -> SplatTable:
-    rng = np.random.default_rng(0)
-    shapes = ((n, 3), (n, 4), (n, 3), (n,), (n, 4, 3))
-    return SplatTable(*(rng.normal(size=shape).astype(np.float32) for shape in shapes))
-
-
 def test_quantiles_are_values_of_the_scene():
     values = np.random.default_rng(0).permutation(101).astype(np.float32)
     assert quantiles_of(values, QUANTILES) == (0.0, 1.0, 50.0, 99.0, 100.0)
@@ -32,7 +27,7 @@ def test_quantiles_are_values_of_the_scene():
 
 
 def test_the_numbers_are_those_of_the_whole_scene():
-    table = random_table(101)
+    table = random_table(101, 1)
     summary, _ = summarise(source_of(table))
     ordered = np.sort(table.scales, axis=1)
     expected = {

@@ -10,11 +10,10 @@ from gsedit import orbit
 from gsedit.bench.synthetic import surface_gaussians
 from gsedit.bench.synthetic.gallery import globe
 from gsedit.errors import InputError
-from gsedit.scene.merging.pairs import groups, log_determinant, moments_of, represent
 from gsedit.scene.morton import morton_codes
 from gsedit.scene.table import SplatTable, concatenate_tables, gaussians_of, table_of
 from gsedit.toolkit import Decimate, Order, apply, merge
-from gsedit.toolkit.decimate import picture_change
+from gsedit.toolkit.decimate import groups, log_determinant, moments_of, picture_change, represent
 
 
 def decimate(table: SplatTable, count: int | None = None, **words) -> SplatTable:

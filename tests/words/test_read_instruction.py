@@ -13,7 +13,6 @@ from sentence_grades import graded
 
 from gsedit.words.instruction import Change
 from gsedit.words.lexicon import entries
-from gsedit.words.looks import look_of
 from gsedit.words.read import read_instruction
 
 DATA = Path(__file__).parents[1] / "data" / "sentences"
@@ -235,9 +234,6 @@ def test_a_color_is_read_by_name_and_by_number(sentence, color, name):
 def test_a_material_goes_by_the_material_route():
     assert only("polished pewter").route == "material"
     assert only("bronze").route == "material"
-    look = look_of(only("bronze"))
-    assert look is not None
-    assert look.name == "bronze"
 
 
 def test_two_changes_are_in_the_order_of_the_sentence():

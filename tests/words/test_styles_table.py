@@ -1,13 +1,16 @@
 from collections import Counter
 
-from gsedit.words.lexicon import LONGEST, TABLE, rows_of
+from gsedit.words.direct import LIKE
+from gsedit.words.lexicon import LONGEST, TABLE, names, near_styles, rows_of, style_words, styles
+from gsedit.words.scan import scanned
 from gsedit.words.tokens import tokens
 
-ROWS = rows_of(TABLE.with_name("styles.txt"))
+EVERY = rows_of(TABLE.with_name("styles.txt"))
+ROWS = [row for row in EVERY if row[0] == "style"]
 
 
 def test_every_number_of_the_network_has_one_name():
-    assert {kind for kind, _, _ in ROWS} == {"style"}
+    assert {kind for kind, _, _ in EVERY} == {"style", "near"}
     assert sorted(int(value.rpartition(" ")[2]) for _, value, _ in ROWS) == list(range(26))
 
 
@@ -18,3 +21,14 @@ def test_a_phrase_asks_for_one_style_and_is_spelled_as_sentences_are():
     assert [phrase for phrase, count in phrases.items() if count > 1] == []
     assert [phrase for phrase in phrases if " ".join(tokens(phrase)) != phrase] == []
     assert max(len(phrase.split()) for phrase in phrases) <= LONGEST
+
+
+def test_no_phrase_but_a_name_has_another_meaning():
+    for phrase, name in style_words().items():
+        (word,) = scanned(phrase)
+        assert (word.kind, word.value) == ("look", name), phrase
+
+
+def test_every_look_without_a_route_has_three_near_styles():
+    assert near_styles().keys() | {LIKE} >= names("look") >= near_styles().keys()
+    assert all(len({*each} & styles().keys()) == 3 for each in near_styles().values())

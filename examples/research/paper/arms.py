@@ -9,13 +9,19 @@ from gsedit.measures.perceptual import is_installed
 from research.paper.runs import Arm
 
 PAPER, DEFAULT, ITERATIVE = "paper", "default", "iterative"
-SAME_VIEWS: dict[str, dict[str, Any]] = {PAPER: {"batches": 3}, DEFAULT: {"batches": 4}}
+STEPS = 20
+"""Denoising steps of an edit in every arm that is raced, whatever the editor's own number:
+Instruct-NeRF2NeRF's and InstructPix2Pix's. The paper has 50, with which figure 6 is repeated."""
+SAME: dict[str, dict[str, Any]] = {
+    PAPER: {"batches": 3, "sampler.steps": STEPS},
+    DEFAULT: {"batches": 4, "sampler.steps": STEPS},
+}
 """Twelve views for both: batches of 4 as printed, of 3 by default."""
-IN2N_STEPS = 20
-"""Denoising steps of an edit of Instruct-NeRF2NeRF."""
+T_END_OF = 50
 T_END_STEPS = (0, 10, 20, 30, 40, 50)
-"""The steps, of 50, in which views are averaged: the paper's figure 6."""
-PAPER_T_END = 10
+"""The steps, of T_END_OF, in which views are averaged: the paper's figure 6."""
+T_END_SHARE = 0.2
+"""Share of the steps in which the method as printed averages: 10 of 50."""
 PERCEPTUAL = "L1 + perceptual"
 """The loss of Instruct-NeRF2NeRF with a distance of the kind of LPIPS."""
 
@@ -57,12 +63,12 @@ BASES = {
 def base_of(label: str) -> str | None:
     """Label of the arm from which an arm differs in one thing; None for others."""
     preset, changed, _ = label.partition(": ")
-    return BASES.get(label, preset if changed and preset in SAME_VIEWS else None)
+    return BASES.get(label, preset if changed and preset in SAME else None)
 
 
 def preset_arms(preset: str) -> Iterator[Arm]:
     """A preset, and it with each change."""
-    same, changes = SAME_VIEWS[preset], ONE_IN if preset == PAPER else ONE_OUT
+    same, changes = SAME[preset], ONE_IN if preset == PAPER else ONE_OUT
     yield Arm(preset, preset, settings=same)
     for label, settings in changes.items():
         if label != PERCEPTUAL or is_installed():
@@ -74,7 +80,7 @@ def baseline_arms(steps: int) -> list[Arm]:
 
     The loss and everything else is as the paper's method has it.
     """
-    edits = {"sampler.steps": IN2N_STEPS}
+    edits = {"sampler.steps": STEPS}
     return [
         Arm(ITERATIVE, PAPER, "iterative", {"total_steps": steps}, edits),
     ]
@@ -82,13 +88,10 @@ def baseline_arms(steps: int) -> list[Arm]:
 
 def t_end_arms() -> list[Arm]:
     """The method as printed, with averaging in more or fewer steps."""
-    return [
-        Arm(t_end_label(n), PAPER, settings={**SAME_VIEWS[PAPER], "averaged_steps": n})
-        for n in T_END_STEPS
-        if n != PAPER_T_END
-    ]
+    same = {**SAME[PAPER], "sampler.steps": T_END_OF}
+    return [Arm(t_end_label(n), PAPER, settings={**same, "averaged_steps": n}) for n in T_END_STEPS]
 
 
 def t_end_label(steps: int) -> str:
     """Label of the arm with averaging in so many steps."""
-    return PAPER if steps == PAPER_T_END else f"{PAPER}: T_end = {steps}"
+    return f"{PAPER}: T_end = {steps}"

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +25,7 @@ from gsedit.paper.protocol import Editor
 from gsedit.paper.session import Session
 from gsedit.paper.settings import EditSettings, find_preset
 from gsedit.paper.strategies import find_strategy
-from research.paper.arms import PAPER, PAPER_T_END
+from research.paper.arms import PAPER, T_END_SHARE
 from research.paper.cases import load_case
 from research.paper.observe import EXACT, Observed, Observer, nearest_truth, rendered
 from research.paper.runs import Case, Record, Run, read_record, write_record
@@ -54,15 +53,10 @@ class SwitchedUpdate(UpdateSettings):
     switch: float = 0.5
     """Probability of the Gram matrices."""
 
-    @cached_property
-    def _random(self) -> torch.Generator:
-        return torch.Generator().manual_seed(0)
-
-    @property
-    def terms(self) -> tuple[LossTerm, ...]:
-        """The terms of one step, drawn anew each time."""
-        style = float(torch.rand((), generator=self._random)) < self.switch
-        return tuple(term for term in super().terms if (term.name == "gram") == style)
+    def terms_at(self, step: int) -> tuple[LossTerm, ...]:
+        """The terms of one step, drawn by its number."""
+        draw = torch.rand((), generator=torch.Generator().manual_seed(step))
+        return tuple(t for t in self.terms if (t.name == "gram") == (float(draw) < self.switch))
 
 
 def run_to_file(run: Run, folder: Path) -> Record:
@@ -125,7 +119,7 @@ def settings_of(run: Run) -> EditSettings:
         region="all",
         coverage=1.0,
     )
-    averaged = PAPER_T_END if run.arm.preset == PAPER else None
+    averaged = None
     for name, value in run.arm.settings.items():
         record, _, inner = name.rpartition(".")
         update = {each.name: getattr(base.update, each.name) for each in fields(base.update)}
@@ -140,6 +134,8 @@ def settings_of(run: Run) -> EditSettings:
                 base = replace(base, **{record: replace(getattr(base, record), **{inner: value})})
             case _:
                 base = replace(base, **{inner: value})
+    if averaged is None and run.arm.preset == PAPER:
+        averaged = round(T_END_SHARE * base.sampler.step_count)
     if averaged is None or run.arm.strategy.startswith("iterative"):
         return base
     return replace(base, sampler=_averaged(base, run.editor, averaged))

@@ -16,8 +16,8 @@ from research.paper.arms import (
 from research.paper.cases import PROMPTS, synthetic
 from research.paper.runs import Arm, Case, Run
 
-CLOSED_FORM, VARIED, SMALL = EDITORS = ("closed-form", "varied", "small")
-BRANCHES = {CLOSED_FORM: 3, VARIED: 1, SMALL: 2}
+CLOSED_FORM, VARIED = "closed-form", "varied"
+BRANCHES = {CLOSED_FORM: 3, VARIED: 1}
 """Evaluations of an editor a denoising step."""
 
 
@@ -51,12 +51,9 @@ class Study:
 
 
 def studies(size: Size, captures: Sequence[Case] = ()) -> tuple[Study, ...]:
-    """All of them. Scenes take turns with the seeds: scene i has the seeds i, i + 1, ...
-
-    The editor `small` works on the captures; without any, on the first scene.
-    """
+    """All of them. Scenes take turns with the seeds: scene i has the seeds i, i + 1, ..."""
     made = [synthetic(n, size.pixels, size.gaussians, size.views) for n in PROMPTS][: size.scenes]
-    every, real = [*made, *captures], list(captures) or made[:1]
+    every = [*made, *captures]
 
     def runs(arms: Iterable[Arm], *shares: tuple[str, Sequence[Case], int]) -> tuple[Run, ...]:
         arms = tuple(_shortened(arm, size) for arm in arms)
@@ -68,16 +65,14 @@ def studies(size: Size, captures: Sequence[Case] = ()) -> tuple[Study, ...]:
             for arm in arms
         )
 
-    closed, varied, small = (CLOSED_FORM, made[:3], 1), (VARIED, every, 2), (SMALL, real, 3)
+    closed, varied, once = (CLOSED_FORM, made[:3], 1), (VARIED, every, 2), (VARIED, every, 1)
     baselines = baseline_arms(size.iterative_steps)
     printed = list(preset_arms(PAPER))
     return (
-        Study("paper", runs(printed, closed, varied, small)),
-        Study(
-            "default", runs(preset_arms(DEFAULT), (CLOSED_FORM, made, 1), varied, (SMALL, real, 5))
-        ),
-        Study("strategies", runs(baselines, closed, (VARIED, every, 1), small)),
-        Study("t-end", runs(t_end_arms(), (VARIED, every, 1), small)),
+        Study("paper", runs(printed, closed, varied)),
+        Study("default", runs(preset_arms(DEFAULT), (CLOSED_FORM, made, 1), varied)),
+        Study("strategies", runs(baselines, closed, once)),
+        Study("t-end", runs(t_end_arms(), once)),
     )
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import statistics
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 from math import inf, sqrt
 from typing import Literal, NamedTuple
@@ -16,7 +16,7 @@ from scipy.special import bdtr, stdtrit
 
 Verdict = Literal[
     "reproduced", "direction only", "less than half", "not decided", "opposite direction only",
-    "opposite",
+    "opposite", "not reached",
 ]  # fmt: skip
 Effects = Mapping[str, Mapping[str, Sequence[float]]]
 """scene -> editor -> an effect a seed."""
@@ -74,13 +74,18 @@ def judge_factors(effects: Effects, half: float) -> Judgement | None:
 
     The effect is the median over an editor's and scene's seeds, then over all editors and scenes.
     The interval is of order statistics, so it asks only which are larger; fewer than six tell none.
+    A median that does not get there is no speed: where the interval holds no gain, or no run got
+    there, the verdict is "not reached", never "opposite".
     """
     found = _medians(effects)
     if not found:
         return None
     rank = _rank(len(found))
     ends = (found[rank - 1], found[-rank]) if rank else (-inf, inf)
-    return _judged(effects, statistics.median(found), ends, half)
+    judged = _judged(effects, statistics.median(found), ends, half)
+    if judged.effect == -inf and (ends[1] < 0 or found[-1] == -inf):
+        return replace(judged, verdict="not reached")
+    return judged
 
 
 def by_editor(effects: Effects) -> dict[str, list[Sequence[float]]]:

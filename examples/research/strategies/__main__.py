@@ -24,7 +24,7 @@ def main(
     sentence: str,
     output: Output,
     clip: Annotated[Path | None, typer.Option(help="Folder of a CLIPModel.")] = None,
-    editor: Annotated[str, typer.Option(help="Whose score is distilled.")] = "small",
+    editor: Annotated[str, typer.Option(help="Whose score is distilled.")] = "closed-form",
     steps: Annotated[int, typer.Option(min=1)] = 1000,
 ) -> None:
     """Write the folder of the edit, which `gsedit metrics` measures."""

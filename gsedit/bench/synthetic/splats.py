@@ -8,8 +8,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import log, pi, sqrt
 
+import numpy as np
 import torch
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
+from scipy.spatial import KDTree
 from torch import Tensor
 
 from gsedit.bench.synthetic.scene import SyntheticScene
@@ -118,7 +120,8 @@ def _first_come(points: Float[Tensor, "m 3"], distance: float) -> Bool[Tensor, "
     The greedy rule "earlier points win" in rounds, all points at once: a point with no earlier
     undecided neighbor is selected, and its neighbors are removed.
     """
-    first, second = _near_pairs(points, distance)
+    pairs = KDTree(points.numpy()).query_pairs(distance, output_type="ndarray")  # i < j
+    first, second = torch.from_numpy(pairs.astype(np.int64)).unbind(-1)
     removed = torch.zeros(len(points), dtype=torch.bool)
     while len(first):
         has_earlier = torch.zeros_like(removed)
@@ -128,32 +131,6 @@ def _first_come(points: Float[Tensor, "m 3"], distance: float) -> Bool[Tensor, "
         undecided = ~(removed[first] | removed[second] | selected[first])
         first, second = first[undecided], second[undecided]
     return ~removed
-
-
-def _near_pairs(
-    points: Float[Tensor, "m 3"], distance: float
-) -> tuple[Int[Tensor, " p"], Int[Tensor, " p"]]:
-    """All pairs of rows (i < j) nearer than `distance`, through a grid of cells of that size."""
-    cells = ((points - points.amin(0)) / distance).long() + 1  # 1: room for the neighbors of cell 0
-    extent = cells.amax(0) + 2
-    stride = torch.stack((extent[1] * extent[2], extent[2], torch.ones_like(extent[0])))
-    keys, order = (cells * stride).sum(-1).sort(stable=True)
-    reach = torch.arange(-1, 2)
-    offsets = torch.cartesian_prod(reach, reach, reach) @ stride
-    pairs = []
-    for offset in offsets[offsets >= 0].tolist():  # half of the neighbors: each pair once
-        begin = torch.searchsorted(keys, keys + offset)
-        end = torch.searchsorted(keys, keys + offset, right=True)
-        sizes = end - begin
-        left = torch.repeat_interleave(sizes)
-        right = torch.arange(len(left)) - (sizes.cumsum(0) - sizes - begin)[left]
-        left, right = order[left], order[right]
-        near = (points[left] - points[right]).square().sum(-1) < distance**2
-        if offset == 0:
-            near &= left < right
-        pairs.append(torch.stack((left[near], right[near])).sort(0).values)
-    first, second = torch.cat(pairs, -1)
-    return first, second
 
 
 def _fitting_radius(

@@ -1,7 +1,4 @@
-"""Adam over a scene's fields, a learning rate each, of which a step may touch few rows.
-
-`n` Gaussians, of which a step draws `m`.
-"""
+"""Adam over a scene's fields, a learning rate each. `n` Gaussians."""
 
 from __future__ import annotations
 
@@ -13,7 +10,7 @@ import torch
 from jaxtyping import Bool, Int
 from torch import Tensor
 
-from gsedit.capture.fitting.lazy_adam import LazyAdam
+from gsedit.capture.fitting.adam import Adam
 from gsedit.run.ranks import ALONE, Ranks
 from gsedit.run.state import tensor_like
 from rasterizer.numerics import color_to_sh
@@ -36,8 +33,6 @@ class SceneOptimizer:
     `rates` names the fields that move; "sh" moves its first coefficient at that rate, and the
     others `SH_REST` times slower. Rows that never get a gradient never move: their moments stay
     exactly zero.
-
-    A step is computed from `scene`, or from a few rows of it (`draw`); both move the scene alike.
     """
 
     def __init__(
@@ -57,28 +52,15 @@ class SceneOptimizer:
         self._leaves = {k: values[k].clone().requires_grad_() for k in self._rates}
         slow = torch.full((scene.sh.shape[1], 1), SH_REST)
         slow[0] = 1
-        self._adam = LazyAdam(len(scene), shares={"sh": slow}, compiled=compiled)
-        self._drawn: tuple[Int[Tensor, " m"], dict[str, Tensor]] | None = None
+        self._adam = Adam(shares={"sh": slow}, compiled=compiled)
 
     @property
     def scene(self) -> Gaussians:
         """The scene as leaves: gradients of anything computed from it reach the optimizer."""
-        self._adam.settle(self._leaves)
         return Gaussians(**self._constant, **self._leaves)
 
     def __len__(self) -> int:
         return next(iter({**self._constant, **self._leaves}.values())).shape[0]
-
-    def draw(self, rows: Int[Tensor, " m"]) -> Gaussians:
-        """These rows of the scene as leaves: the next `step` is computed from their gradients, in
-        time and memory that do not depend on `n`. Rows ascend; none is there twice.
-        """
-        self._adam.settle(self._leaves, rows)
-        few = {k: v.detach().index_select(0, rows) for k, v in self._leaves.items()}
-        leaves = {k: v.requires_grad_() for k, v in few.items()}
-        self._drawn = rows, leaves
-        constant = {k: v.index_select(0, rows) for k, v in self._constant.items()}
-        return Gaussians(**constant, **leaves)
 
     def gradient(self, name: str) -> Tensor:
         """Gradient of one field after a backward pass; zeros if there is none."""
@@ -92,29 +74,13 @@ class SceneOptimizer:
     def add_up(self, *more: Tensor) -> None:
         """Sum the gradients of the next step over the ranks, and with them `more`, in place.
 
-        Ranks may have drawn other rows, or none. Raises LostRankError.
+        Ranks may have drawn nothing. Raises LostRankError.
         """
-        ranks = self.ranks
-        if ranks.size == 1:
+        if self.ranks.size == 1:
             return
-        rows, leaves = self._drawn or (None, self._leaves)
-        if rows is None:
-            idle = all(leaf.grad is None for leaf in leaves.values())
-            rows = torch.arange(0 if idle else len(self))
-        every = ranks.union(rows, len(self))
-        places = torch.searchsorted(every, rows)
-        summed = {}
-        for name, leaf in leaves.items():
-            summed[name] = leaf.new_zeros(len(every), *leaf.shape[1:])
-            if leaf.grad is not None:
-                summed[name][places] = leaf.grad
-        ranks.add_up([*summed.values(), *more])
-        if self._drawn or len(every) < len(self):
-            self._adam.settle(self._leaves, every)
-            leaves = {name: torch.zeros_like(gradient) for name, gradient in summed.items()}
-            self._drawn = every, leaves
-        for name, leaf in leaves.items():
-            leaf.grad = summed[name]
+        for name, leaf in self._leaves.items():
+            leaf.grad = self.gradient(name)
+        self.ranks.add_up([*(leaf.grad for leaf in self._leaves.values()), *more])
 
     def step(
         self, scale: Mapping[str, float] | float = 1.0, only: Bool[Tensor, " n"] | None = None
@@ -127,16 +93,11 @@ class SceneOptimizer:
             name: rate * (scale if isinstance(scale, (int, float)) else scale.get(name, 1.0))
             for name, rate in self._rates.items()
         }
-        rows, leaves = self._drawn or (None, self._leaves)
-        self._drawn = None
-        gradients = {k: v.grad for k, v in leaves.items() if v.grad is not None}
+        gradients = {k: v.grad for k, v in self._leaves.items() if v.grad is not None}
         if only is not None:
-            outside = ~(only if rows is None else only.index_select(0, rows))
             for gradient in gradients.values():
-                gradient[outside] = 0
-        if rows is None:
-            self._adam.settle(self._leaves)
-        self._adam.step(self._leaves, gradients, rates, rows)
+                gradient[~only] = 0
+        self._adam.step(self._leaves, gradients, rates)
         for leaf in self._leaves.values():
             leaf.grad = None
 
@@ -150,7 +111,6 @@ class SceneOptimizer:
         """
         sh = self._leaves.get("sh")
         if sh is not None:
-            self._adam.settle(self._leaves)
             base = sh[:, :1]
             lowest = color_to_sh(LOWEST_COLOR)
             base.copy_(torch.where(only[:, None, None], base.clamp_min(lowest), base))
@@ -159,7 +119,6 @@ class SceneOptimizer:
         self, scene: Gaussians, origin: Int[Tensor, " n"], fresh: Bool[Tensor, " n"]
     ) -> None:
         """Continue with another scene: row i keeps row origin[i]'s moments unless it is fresh."""
-        self._adam.settle(self._leaves)
         values = vars(scene.detach())
         self._constant = {name: values[name] for name in self._constant}
         self._leaves = {k: values[k].clone().requires_grad_() for k in self._rates}
@@ -167,7 +126,6 @@ class SceneOptimizer:
 
     def state(self) -> dict[str, Tensor]:
         """Everything that changes here, by name: what moves, its moments, the number of steps."""
-        self._adam.settle(self._leaves)
         leaves = {f"value.{name}": leaf.detach() for name, leaf in self._leaves.items()}
         return leaves | self._adam.state()
 

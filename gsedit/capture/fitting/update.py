@@ -113,7 +113,7 @@ def update_steps(
                 rendered = crops.draw(optimizer, mine)
                 expected = torch.stack([cut(v.image, box) for v, box in mine])
                 rendered, expected = supervised(rendered, expected, _masks_of(mine))
-                loss = edit_loss(rendered, expected, settings.terms, features)
+                loss = edit_loss(rendered, expected, settings.terms_at(step), features)
                 loss = loss * (len(mine) / len(patches))  # a mean over patches: shares add up to it
                 loss.backward()
                 whole_loss += loss.detach()

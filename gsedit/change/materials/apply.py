@@ -17,13 +17,14 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from gsedit.change.materials.patterns import Ground, coverage
 from gsedit.change.materials.shading import (
     RAYS,
+    Ground,
     Lighting,
     Skin,
     arriving,
     body,
+    coverage,
     everywhere,
     lighting,
     outgoing,
@@ -53,7 +54,7 @@ from gsedit.views.surroundings import (
 )
 from rasterizer.camera import Camera
 from rasterizer.harmonics import basis
-from rasterizer.numerics import AUTO, SH_DC, Execution, sh_to_color
+from rasterizer.numerics import AUTO, SH_DC, Execution, ruled, sh_to_color
 from rasterizer.scene import Gaussians
 
 ROUNDS = 12
@@ -210,6 +211,7 @@ class Dressed:
 
 
 @torch.no_grad()
+@ruled
 def in_material(
     scene: Gaussians,
     inside: Bool[Tensor, " n"],
@@ -225,11 +227,11 @@ def in_material(
     it, only the Gaussians that are `shown` (None: all) are shaded, as for one picture.
     Raises UsageError for no Gaussians inside, or for ones that show no surface.
     """
-    studied = study(scene, inside, cameras, execution, weights, material.is_matte)
+    studied = study(scene, inside, cameras, weights, material.is_matte)
     if studied.sure < UNSURE and not material.is_matte:
         raise UsageError(
             "the part's Gaussians show no surface that could reflect (they are needles or fog): "
-            "clean the scene first with gsedit clean, or edit with --editor small"
+            "clean the scene first with gsedit clean"
         )
     degree = 0 if material.is_matte else DEGREE
     sh = scene.with_degree(max(scene.degree, degree)).sh
@@ -252,7 +254,6 @@ def study(
     scene: Gaussians,
     inside: Bool[Tensor, " n"],
     cameras: Sequence[Camera] = (),
-    execution: Execution = AUTO,
     weights: Float[Tensor, " n"] | None = None,
     matte: bool = False,
 ) -> Studied:
@@ -262,7 +263,7 @@ def study(
         raise UsageError("the material would be on no Gaussian: name what should be in it")
     up = up_of(cameras) if len(cameras) > 1 else guess_up(scene)
     near = rows_near(part.means)
-    found = estimate_normals(scene, cameras, execution, inside, near)
+    found = estimate_normals(scene, cameras, inside=inside, near=near)
     center, radius = middle(scene, inside)
     relief = carved(part, found.directions, near)
     normals = engraved(part.means, found.directions, relief, near)
@@ -272,14 +273,14 @@ def study(
     )
     sure = float(found.confidence.median())
     if (eyes := _eyes_within(part, cameras)) is not None:
-        around = light_at(scene, eyes, NEAR_EYES * radius, up, execution, cameras)
+        around = light_at(scene, eyes, NEAR_EYES * radius, up, cameras=cameras)
         light = lighting(balanced(around), matte)
         skin = Skin(part.means, normals, relief.detail, torch.ones(len(part), RAYS))
         level = (relief.luminance / USUAL_ALBEDO).clamp(*LEVELS)[:, None, None]
         return Studied(light, skin, ground, level.expand(-1, 2, 3), sure, ())
-    open_ = past_body(part, part.means, ray_directions().double(), execution, normals)
+    open_ = past_body(part, part.means, ray_directions().double(), normals=normals)
     skin = Skin(part.means, normals, relief.detail, open_.to(normals))
-    around = find_surroundings(scene, inside, up, execution, cameras)
+    around = find_surroundings(scene, inside, up, cameras=cameras)
     dim = False
     if not around.studio:
         weight = (visible_area(part) if weights is None else weights[inside]).to(normals)

@@ -18,7 +18,7 @@ from gsedit.change.materials.table import (
     recolored,
 )
 from gsedit.words.colors import between, longest
-from gsedit.words.looks import material_of as canonical
+from gsedit.words.direct import material_of as canonical
 
 FINISHES: dict[str, dict[str, float]] = {
     "matte": {"roughness": 1.0, "coat": 0.0},

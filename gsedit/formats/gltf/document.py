@@ -1,4 +1,4 @@
-"""A glTF 2.0 file as its JSON and its buffers: .glb in one piece, .gltf with files beside it.
+"""A glTF 2.0 file in one piece (.glb) as its JSON and its buffer.
 
 What a file says of itself is compared with the bytes that are there before anything is read.
 Source: registry.khronos.org/glTF/specs/2.0.
@@ -6,21 +6,16 @@ Source: registry.khronos.org/glTF/specs/2.0.
 
 from __future__ import annotations
 
-import base64
-import binascii
 import struct
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-from urllib.parse import unquote
 
 import numpy as np
 from jaxtyping import Float32
 
 from gsedit.errors import InputError
-from gsedit.run.inputs import existing_file, file_inside
 from gsedit.run.json_files import object_of, parse_json
-from gsedit.run.safe_names import safe_name
 
 GLB_HEADER = struct.Struct("<4sII")
 """Magic, version, length of the file."""
@@ -34,28 +29,10 @@ _SIZES = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 
 @dataclass(frozen=True)
-class _Buffer:
-    """Bytes of a file from some place on, or in memory."""
-
-    path: Path
-    start: int
-    length: int
-    data: bytes | None = None
-
-    def read(self, offset: int, size: int) -> bytes:
-        if self.data is not None:
-            return self.data[offset : offset + size]
-        with self.path.open("rb") as handle:
-            handle.seek(self.start + offset)
-            return handle.read(size)
-
-
-@dataclass(frozen=True)
 class Accessor:
-    """Values a row in a buffer, some bytes apart."""
+    """Values a row in the buffer, some bytes apart."""
 
     document: Document
-    buffer: _Buffer
     offset: int
     stride: int
     count: int
@@ -68,7 +45,7 @@ class Accessor:
         """Some rows; normalised integers as their share of the largest."""
         row = self.kind.itemsize * self.size
         length = (stop - start - 1) * self.stride + row
-        data = self.buffer.read(self.offset + start * self.stride, length)
+        data = self.document.read(self.offset + start * self.stride, length)
         if len(data) < length:
             raise InputError(f"{self.document.path} became shorter while it was read: {AGAIN}")
         values = np.ndarray(
@@ -80,44 +57,38 @@ class Accessor:
 
 
 class Document:
-    """The JSON of a glTF file; every access checks what it finds."""
+    """The JSON of a .glb and its buffer; every access checks what it finds."""
 
     def __init__(self, path: Path) -> None:
-        """Raises InputError for what is no glTF 2.0."""
+        """Raises InputError for what is no glTF 2.0 in one piece."""
         self.path = path
+        size = path.stat().st_size
         with path.open("rb") as handle:
-            start = handle.read(4)
-        self.glb: _Buffer | None = None
-        text = self._open_glb() if start == b"glTF" else self._read(path, 0, path.stat().st_size)
-        self.json = parse_json(text, path, object_of({"asset": object_of({})}), advice=AGAIN)
-
-    def _read(self, path: Path, start: int, size: int) -> bytes:
-        if size > JSON_MAX_BYTES:
-            raise InputError(f"{self.path} has {size / 1e6:.0f} MB of JSON: {AGAIN}")
-        with path.open("rb") as handle:
-            handle.seek(start)
-            return handle.read(size)
-
-    def _open_glb(self) -> bytes:
-        """The JSON; notes where the buffer is."""
-        size = self.path.stat().st_size
-        with self.path.open("rb") as handle:
             header = handle.read(GLB_HEADER.size + GLB_CHUNK.size)
             if len(header) < GLB_HEADER.size + GLB_CHUNK.size:
-                raise InputError(f"{self.path} ends within its header: {AGAIN}")
-            _, version, _ = GLB_HEADER.unpack_from(header)
+                raise InputError(f"{path} ends within its header: {AGAIN}")
+            magic, version, _ = GLB_HEADER.unpack_from(header)
             length, kind = GLB_CHUNK.unpack_from(header, GLB_HEADER.size)
-            if version != 2 or kind != b"JSON" or len(header) + length > size:
-                raise InputError(f"{self.path} is no .glb of version 2, or cut off: {AGAIN}")
             at = len(header) + length
-            handle.seek(at)
-            chunk = handle.read(GLB_CHUNK.size)
+            if (magic, version, kind) != (b"glTF", 2, b"JSON") or at > size:
+                raise InputError(f"{path} is no .glb of version 2, or cut off: {AGAIN}")
+            if length > JSON_MAX_BYTES:
+                raise InputError(f"{path} has {length / 1e6:.0f} MB of JSON: {AGAIN}")
+            text, chunk = handle.read(length), handle.read(GLB_CHUNK.size)
+        self.buffer = range(0)
+        """Bytes of the file that are its buffer."""
         if len(chunk) == GLB_CHUNK.size:
-            bytes_of_it, kind = GLB_CHUNK.unpack(chunk)
+            length, kind = GLB_CHUNK.unpack(chunk)
             at += GLB_CHUNK.size
             if kind == b"BIN\0":
-                self.glb = _Buffer(self.path, at, min(bytes_of_it, size - at))
-        return self._read(self.path, len(header), length)
+                self.buffer = range(at, min(at + length, size))
+        self.json = parse_json(text, path, object_of({"asset": object_of({})}), advice=AGAIN)
+
+    def read(self, offset: int, size: int) -> bytes:
+        """Bytes of the buffer."""
+        with self.path.open("rb") as handle:
+            handle.seek(self.buffer.start + offset)
+            return handle.read(size)
 
     def item(self, name: str, index: Any) -> dict[str, Any]:
         """An entry of one of the lists at the top. Raises InputError where there is none."""
@@ -152,7 +123,9 @@ class Document:
                 f"{' or '.join(kinds)} of floats or normalised integers: export it again"
             )
         view = self.item("bufferViews", found["bufferView"])
-        buffer = self._buffer(view.get("buffer"))
+        buffer = self.item("buffers", view.get("buffer"))
+        if "uri" in buffer or view["buffer"] != 0:
+            raise InputError(f"{self.path} names another file for its bytes: export it as one .glb")
         kind, size = np.dtype(_COMPONENTS[component]), _SIZES[str(shape)]
         row = kind.itemsize * size
         count = self.integer(f"{where}.count", found.get("count"))
@@ -161,31 +134,12 @@ class Document:
         offset = self.integer(f"{where}'s view", view.get("byteOffset", 0))
         length = self.integer(f"{where}'s view", view.get("byteLength"))
         needed = inner + (count - 1) * stride + row if count else 0
-        if needed > length or offset + length > buffer.length:
+        if needed > length or offset + length > len(self.buffer):
             raise InputError(
                 f"{self.path}: {where} promises {count} rows, more than its buffer has: {AGAIN}"
             )
         normalized = found.get("normalized") is True
-        return Accessor(self, buffer, offset + inner, stride, count, kind, size, normalized)
-
-    def _buffer(self, index: Any) -> _Buffer:
-        uri = self.item("buffers", index).get("uri")
-        if uri is None and index == 0 and self.glb is not None:
-            return self.glb
-        if not isinstance(uri, str):
-            raise InputError(f"{self.path}: buffers[{index}] has no bytes: {AGAIN}")
-        if uri.startswith("data:"):
-            try:
-                data = base64.b64decode(uri.partition(",")[2], validate=True)
-            except (binascii.Error, ValueError):
-                raise InputError(f"{self.path}: buffers[{index}] is no base64: {AGAIN}") from None
-            return _Buffer(self.path, 0, len(data), data)
-        try:
-            name = safe_name(unquote(uri), str(self.path))
-            file = existing_file(file_inside(self.path.parent, name, str(self.path)))
-        except InputError as error:
-            raise InputError(f"{self.path} names a file: {error}") from None
-        return _Buffer(file, 0, file.stat().st_size)
+        return Accessor(self, offset + inner, stride, count, kind, size, normalized)
 
 
 def _is_index(index: Any, items: Any) -> bool:

@@ -1,4 +1,4 @@
-"""glTF's KHR_gaussian_splatting: .glb and .gltf in, .glb out.
+"""glTF's KHR_gaussian_splatting, as .glb.
 
 Splats are a primitive of POINTS: linear scales and opacities, rotations xyzw, SH as INRIA's. glTF
 is right-handed with +y up and the front of an asset along +z, so its axes are left, up, front
@@ -39,7 +39,6 @@ from gsedit.formats.streams import (
     ReadOptions,
     SceneHeader,
     SceneSource,
-    WriteOptions,
 )
 from gsedit.scene.quaternions import rotation_of
 from gsedit.scene.similarity import IDENTITY, Similarity, similarity_of
@@ -81,7 +80,7 @@ class _Splats:
 
 
 def holds_splats(path: Path) -> bool:
-    """Whether a .glb or .gltf has a primitive with the extension; otherwise it is a mesh.
+    """Whether a .glb has a primitive with the extension; otherwise it is a mesh.
 
     Raises InputError for what is no glTF.
     """
@@ -89,7 +88,7 @@ def holds_splats(path: Path) -> bool:
 
 
 def open_source(path: Path, options: ReadOptions) -> SceneSource:
-    """Open a .glb or .gltf with splats. Raises InputError for one without, or a damaged one."""
+    """Open a .glb with splats. Raises InputError for one without, or a damaged one."""
     document = Document(path)
     parts, others = _found(document), sum(not _is_splats(p) for p in _primitives(document))
     if not parts:
@@ -262,7 +261,7 @@ def _rows(part: _Splats, start: int, stop: int, k: int) -> SplatTable:
     return SplatTable(read["POSITION"], quats, scales, logits_of(read["OPACITY"][:, 0]), sh)
 
 
-def write(path: Path, header: SceneHeader, blocks: Blocks, options: WriteOptions) -> int:
+def write(path: Path, header: SceneHeader, blocks: Blocks) -> int:
     """Write a .glb; the number of rows. Raises UsageError for one of more than 4 GB."""
     bounds = np.array([[np.inf] * 3, [-np.inf] * 3], np.float32)
     count = 0

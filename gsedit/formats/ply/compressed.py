@@ -31,7 +31,6 @@ from gsedit.formats.streams import (
     ReadOptions,
     SceneHeader,
     SceneSource,
-    WriteOptions,
     gather,
 )
 from gsedit.scene.morton import morton_order
@@ -199,7 +198,7 @@ _SH_VALUES = (
 _SH_VALUES[[0, 255]] = -SH_RANGE / 2, SH_RANGE / 2  # as PlayCanvas reads them
 
 
-def write(path: Path, header: SceneHeader, blocks: Blocks, options: WriteOptions) -> int:
+def write(path: Path, header: SceneHeader, blocks: Blocks) -> int:
     """Write chunks of Gaussians in Morton order; the number of rows. Holds the scene, its SH beyond
     the DC term as bytes."""
     rest = 3 * (header.degree + 1) ** 2 - 3

@@ -30,7 +30,6 @@ from gsedit.formats.streams import (
     ReadOptions,
     SceneHeader,
     SceneSource,
-    WriteOptions,
     in_blocks,
 )
 from gsedit.scene.table import SplatTable
@@ -107,7 +106,7 @@ def open_source(path: Path, options: ReadOptions) -> SceneSource:
     return SceneSource(path, "INRIA .ply", scene, vertex.count, blocks, tuple(notes))
 
 
-def write(path: Path, header: SceneHeader, blocks: Blocks, options: WriteOptions) -> int:
+def write(path: Path, header: SceneHeader, blocks: Blocks) -> int:
     """Write INRIA's layout, float32, little-endian, then extra columns and elements; the number
     of rows. Comments are the source's own: a file that had none gets none, as some viewers fail
     on them.

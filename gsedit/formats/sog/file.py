@@ -31,7 +31,6 @@ from gsedit.formats.streams import (
     ReadOptions,
     SceneHeader,
     SceneSource,
-    WriteOptions,
     gather,
 )
 from gsedit.run.inputs import existing_file, file_inside
@@ -101,7 +100,7 @@ def open_source(path: Path, options: ReadOptions) -> SceneSource:
     )
 
 
-def write(path: Path, header: SceneHeader, blocks: Blocks, options: WriteOptions) -> int:
+def write(path: Path, header: SceneHeader, blocks: Blocks) -> int:
     """Write a zip of version 2, rows in Morton order; the number of rows."""
     table = gather(blocks, header, 0)
     if len(table):

@@ -39,7 +39,6 @@ from gsedit.formats.streams import (
     ReadOptions,
     SceneHeader,
     SceneSource,
-    WriteOptions,
     gather,
 )
 from gsedit.formats.usd.child import COEFFICIENTS, ORIENTATIONS, SCHEMA, WIDTHS
@@ -160,7 +159,7 @@ def _table(read: Mapping[str, Float32[np.ndarray, "m w"]], rows: int, k: int) ->
     )
 
 
-def write(path: Path, header: SceneHeader, blocks: Blocks, options: WriteOptions) -> int:
+def write(path: Path, header: SceneHeader, blocks: Blocks) -> int:
     """Write by the suffix: .usda as text, .usd and .usdc binary, .usdz a zip of a binary one; the
     number of rows. Axes and unit are those of the comments. Raises UsageError without usd-core."""
     check_installed(path)

@@ -150,7 +150,7 @@ def _smooth(
 
 BAND = 1 / 128
 """Standard deviation of the blur that leaves the low band, in longer sides of a picture: half of a
-cell of `small` at 256 pixels."""
+cell of 4 pixels at 256."""
 SURROUNDINGS_BANDS = (2.0, 8.0)
 """The correction of what corresponds is carried to what does not, in full where half of the
 surroundings correspond, and less beyond; widths of these surroundings, in bands."""

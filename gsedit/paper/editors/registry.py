@@ -27,23 +27,9 @@ if TYPE_CHECKING:
     from gsedit.paper.protocol import Editor
     from gsedit.select.masked import MaskProvider
 
-DEFAULT = "small"
+DEFAULT = "painter"
 
 # ---- ours: each factory's docstring is its line in the list -------------------------------------
-
-
-def _small() -> Editor:
-    """Learned, comes with gsedit: some fifty looks of subject and scene."""
-    from gsedit.paper.editors.small.editor import SmallEditor, load_small
-
-    return SmallEditor(load_small())
-
-
-def _small_missing() -> Iterable[str]:
-    from gsedit.paper.editors.small import REINSTALL, WEIGHTS
-
-    if not WEIGHTS.exists():
-        yield f"its weights: {REINSTALL}"
 
 
 def _painter(
@@ -179,7 +165,6 @@ EDITORS = Plugins(
     "gsedit.editors",
     "editor",
     {
-        "small": (_small, _small_missing),
         "painter": (_painter, tuple),
         "closed-form": (_closed_form, tuple),
         "pix2pix": (_pix2pix, _pix2pix_missing),

@@ -45,10 +45,6 @@ class DiffusionEditor:
     denoiser: Denoiser
     known: dict[Any, Fit] = field(default_factory=dict, repr=False)
     """Measurements of the denoiser on this machine, by size and settings of a batch."""
-    coarse: Hook | None = None
-    """Low-pass filter applied to a change of latents before consensus: matches are exact to half a
-    cell, and detail averaged at that precision is lost. Linear, view by view. None: the identity,
-    as for cells that are one vector each."""
 
     @property
     def name(self) -> str:
@@ -92,11 +88,12 @@ class DiffusionEditor:
         whole = padded(batch, self.denoiser)
         free = _free(batch)
         z0, anchor = _encoded(whole, self.denoiser)
-        agree, share = _hooks(whole, settings, self.coarse)
+        agree, share = _hooks(whole, settings)
         noise = torch.randn(z0.shape, generator=generator, dtype=z0.dtype)
         rows, columns = z0.shape[2:]
         levels = levels_for(denoiser, settings, (rows, columns))
-        x = add_noise(z0, settings.noise_scale * share(noise), levels[0])
+        first = levels[0] if settings.strength < 1 else levels[0]._replace(a=0.0, b=1.0)
+        x = add_noise(z0, settings.noise_scale * share(noise), first)
         originals = whole.originals[free]
         condition = denoiser.condition(originals, batch.prompt, generator)
         ready = prepared(denoiser, x[free], originals, batch.prompt, settings, self.known)
@@ -236,9 +233,7 @@ def _encoded(
     return z0, Anchor(anchored, z0)
 
 
-def _hooks(
-    batch: EditBatch, settings: SamplerSettings, coarse: Hook | None
-) -> tuple[Hook | None, Hook]:
+def _hooks(batch: EditBatch, settings: SamplerSettings) -> tuple[Hook | None, Hook]:
     """(consensus, noise sharing) of a padded batch."""
     if batch.correspondences is None:
         return None, lambda noise: noise
@@ -246,17 +241,9 @@ def _hooks(
     agree = partial(
         consensus, labels=labels, anchored=batch.anchored, strength=settings.consensus_weight
     )
-    if coarse is not None:
-        agree = partial(_agree_coarsely, agree, coarse)
     if settings.noise == "independent":
         return agree, lambda noise: noise
     return agree, _SharedNoise(labels, torch.Generator().manual_seed(batch.seed))
-
-
-def _agree_coarsely(
-    agree: Hook, coarse: Hook, x: Float[Tensor, "v c y x"]
-) -> Float[Tensor, "v c y x"]:
-    return x + coarse(agree(x) - x)
 
 
 @dataclass(frozen=True, eq=False)

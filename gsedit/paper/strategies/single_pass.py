@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from gsedit.paper.session import Session
 
 NOISE_ALONE = 0.95
-"""Strength from which the start of sampling is noise: less than 1 % of its variance is a picture
+"""Strength from which the start of sampling is noise: 1 or 2 % of its variance is a picture
 (docs/measurements/fitting.md has the same edit with a solve after each batch)."""
 
 

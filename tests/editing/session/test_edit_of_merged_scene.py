@@ -14,7 +14,7 @@ from gsedit import edit
 from gsedit.measures.formulas import psnr
 from gsedit.paper import request
 from gsedit.paper.strategies.single_pass import SinglePass
-from gsedit.scene.merging.groups import coarsen
+from gsedit.scene.merging import coarsen
 from rasterizer import render
 
 

@@ -53,12 +53,19 @@ def test_pictures_that_are_not_edited_agree_as_the_unedited_scene_does(scene, da
             pass
 
         def edit(self, batch, settings, generator):
+            asked.append(len(batch.images))
             yield EditProgress(1, 1, batch.originals)
 
+    asked = []
     settings = replace(SETTINGS, update=replace(SETTINGS.update, loss="mse"))
     *_, still = steps(scene, data, settings, SinglePass(1), Idle(), "x")
     assert still.held_out.edited == ()  # no diffusion model: there is no noise to share
     assert still.metrics.psnr_to_held_out_edits is None
+    assert asked[-2:] == [1, 1]  # and yet held-out views are edited, each in a batch of its own
+    alone = zip(still.held_out.alone, still.held_out.originals, strict=True)
+    assert all(torch.equal(a.image, b.image) for a, b in alone)
+    assert still.metrics.psnr_to_edits_alone > 40
+    assert "made alone" in still.metrics.describe()
     assert still.metrics.psnr_to_targets > 40
     for row in still.metrics.evaluation.warp:
         assert row.edited == pytest.approx(row.unedited, rel=0.02), row

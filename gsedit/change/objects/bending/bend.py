@@ -23,7 +23,6 @@ from gsedit.scene.neighbors import k_nearest
 from gsedit.scene.outcome import Outcome, check_finite, same
 from gsedit.scene.quaternions import axis_rotation, rotate_sh_each, turn_between
 from gsedit.scene.quaternions import rotations as rotations_of_quaternions
-from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
 
 NODES = 400
@@ -255,7 +254,6 @@ def bend(
     inside: Bool[Tensor, " n"],
     handles: Sequence[Handle],
     cage: Bool[Tensor, " n"] | None = None,
-    execution: Execution = AUTO,
 ) -> Outcome:
     """The scene with the Gaussians inside bent so that each handle's point is at its target.
 

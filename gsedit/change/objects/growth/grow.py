@@ -1,47 +1,324 @@
-"""Growth: new Gaussians on a scene that lie or grow on its surfaces. `n` Gaussians before."""
+"""Growth: new Gaussians that lie or grow on surfaces of a scene: layers with round edges, tufts,
+fallen leaves; and the color of what lies under them.
+
+Gaussians are blended in the order of their centers, and reach farther than a layer is thick: in
+their old color, those under it would be seen through it. `h w` pixels of a relief, `m` new
+Gaussians, `n` old ones; world units, float64.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from math import sqrt
+from dataclasses import dataclass, replace
+from math import ceil, sqrt, tau
 
+import numpy as np
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from gsedit.change.light.present import Survey, survey
-from gsedit.change.objects.growth.bodies import (
-    Patch,
-    buried,
-    covered,
-    hidden,
-    in_colors_of,
-    layer,
-    leaves,
-    thickness,
-    tufts,
-)
-from gsedit.change.objects.growth.table import Growth, Site, growth_of
+from gsedit.change.light.relight import Survey, step, survey
+from gsedit.change.objects.growth.table import Growth, Site, Spots, growth_of
 from gsedit.change.objects.placing.daylight import Sun, sun_of
 from gsedit.change.objects.placing.stance import stance_of
-from gsedit.change.scenery.setting import Setting
+from gsedit.change.scenery.table import Setting
 from gsedit.errors import UsageError
+from gsedit.scene.neighbors import k_nearest
 from gsedit.scene.outcome import NEW, Outcome, check_finite
 from gsedit.scene.quantiles import ends
 from gsedit.select.region import Region, coverage
 from gsedit.views.dataset import evenly_spaced
 from gsedit.views.orbit import perpendicular
-from gsedit.views.relief import relief_of
+from gsedit.views.relief import Relief, relief_of, without_specks
 from gsedit.views.shadows import WIDE
 from rasterizer.camera import Camera
-from rasterizer.numerics import AUTO, Execution, color_to_sh, sh_to_color
-from rasterizer.render import render
+from rasterizer.numerics import AUTO, Execution, color_to_sh, ruled, sh_to_color
+from rasterizer.project import rotation_matrices
+from rasterizer.render import backproject, render
 from rasterizer.scene import Gaussians, concatenate
+
+ROUND = 0.9
+"""Width of the round edge, in the thickness."""
+SWELL, SWELL_WIDTH = 0.35, 6.0
+"""Share of the thickness that is in the middle only, and the distance from the edge, in the
+thickness, over which it comes."""
+SPREAD, FLAT = 0.72, 0.16
+"""Standard deviations along and across a surface, in pixels: neighbors blend to an even one."""
+STEEPEST = 0.2
+"""Cosine below which a disc is not stretched any more."""
+MOST_OPAQUE = 0.985
+
+
+@dataclass(frozen=True, eq=False)
+class Patch:
+    """A layer that lies on a relief."""
+
+    site: Site
+    relief: Relief
+    """The surface under it, smooth."""
+    lies: Bool[Tensor, "h w"]
+    height: Float[Tensor, "h w"]
+    """Thickness over the surface; 0 where it does not lie."""
+    share: Float[Tensor, "h w"]
+    """How much of each pixel it covers, in [0, 1]."""
+
+    @property
+    def top(self) -> Relief:
+        """The layer's own surface."""
+        top = self.relief.at(self.relief.heights + self.height)
+        return replace(top, there=self.lies)
+
+    def spots(self, surface: Relief) -> Spots:
+        """Places of the layer, one a pixel, on its top or on the relief under it."""
+        normals = surface.normals()[self.lies]
+        return self.site.spots(surface.points[self.lies], normals)
+
+
+def covered(relief: Relief, share: Float[Tensor, "h w"], least: float) -> Bool[Tensor, "h w"]:
+    """Pixels that a layer lies on: those that more than the least share covers, without specks and
+    small holes."""
+    lies = without_specks((share > least) & relief.there)
+    return ~without_specks(~lies) & relief.there
+
+
+def thickness(relief: Relief, lies: Bool[Tensor, "h w"], most: float) -> Float[Tensor, "h w"]:
+    """Height of a layer over the surface: round at its edges, `most` far from them."""
+    from scipy import ndimage
+
+    edges = relief.brinks(most) | ~lies
+    away = torch.from_numpy(ndimage.distance_transform_edt(~edges.numpy())) * relief.pixel
+    rim = (away / (ROUND * most)).clamp(0, 1)
+    middle = (away / (SWELL_WIDTH * most)).clamp(0, 1)
+    profile = (1 - (1 - rim).square()).sqrt() * (1 - SWELL + SWELL * middle * (2 - middle))
+    return most * profile * lies
+
+
+def discs(
+    points: Float[Tensor, "m 3"],
+    normals: Float[Tensor, "m 3"],
+    relief: Relief,
+    opacity: Float[Tensor, " m"] | float,
+    colors: Float[Tensor, "m 3"],
+) -> Gaussians:
+    """Flat Gaussians along a surface that is sampled once a pixel along the relief's axis,
+    stretched where it is steep; display colors."""
+    cosine = (normals @ relief.axis).clamp_min(STEEPEST)
+    downhill = relief.axis - (normals @ relief.axis)[:, None] * normals
+    along = torch.where(
+        downhill.norm(dim=-1, keepdim=True) < 1e-3, perpendicular(normals), downhill
+    )
+    wide = torch.full_like(cosine, SPREAD)
+    scales = torch.stack((wide / cosine, wide, torch.full_like(cosine, FLAT)), -1)
+    return assembled(points, along, normals, relief.pixel * scales, opacity, colors)
+
+
+def assembled(
+    points: Float[Tensor, "m 3"],
+    along: Float[Tensor, "m 3"],
+    normals: Float[Tensor, "m 3"],
+    scales: Float[Tensor, "m 3"],
+    opacity: Float[Tensor, " m"] | float,
+    colors: Float[Tensor, "m 3"],
+) -> Gaussians:
+    """Gaussians of SH degree 0 with their last axis along unit normals and their first as near to
+    another vector as that leaves; float32."""
+    first = along - (along * normals).sum(-1, keepdim=True) * normals
+    first = torch.nn.functional.normalize(first, dim=-1)
+    frames = torch.stack((first, torch.linalg.cross(normals, first), normals), -1)
+    opacities = torch.as_tensor(opacity, dtype=torch.float64).expand(len(points))
+    found = Gaussians(
+        points, _quaternions(frames), scales.clamp_min(1e-12).log(),
+        torch.logit(opacities.clamp(1e-4, MOST_OPAQUE)), color_to_sh(colors)[:, None],
+    )  # fmt: skip
+    return found.to(torch.float32)
+
+
+def _quaternions(frames: Float[Tensor, "m 3 3"]) -> Float[Tensor, "m 4"]:
+    """Quaternions wxyz of rotation matrices."""
+    from scipy.spatial.transform import Rotation
+
+    if not len(frames):
+        return frames.new_zeros(0, 4)
+    return torch.from_numpy(Rotation.from_matrix(frames.numpy()).as_quat()[:, [3, 0, 1, 2]])
+
+
+HIDING = 0.4
+"""Share of the usual thickness at which a layer hides what is under it."""
+TUFT_TILT, TUFT_LONG, TUFT_WIDE = 0.45, 0.8, 0.4
+"""Standard deviation of the tilt of a tuft against its normal; its length in the layer's thickness
+and its width in pixels, as standard deviations."""
+TUFT_UP = 0.35
+"""Share of up in the direction of a tuft on a wall."""
+AUTUMN = (
+    (0.86, 0.55, 0.13), (0.8, 0.36, 0.1), (0.62, 0.2, 0.1), (0.72, 0.46, 0.16),
+    (0.5, 0.3, 0.14), (0.9, 0.7, 0.22), (0.42, 0.25, 0.13),
+)  # fmt: skip
+"""Display colors of fallen leaves."""
+LEAF = (
+    # along, across, length, width, brightness: standard deviations, in leaf lengths
+    (-0.42, 0.0, 0.10, 0.014, 0.5), (-0.24, 0.0, 0.07, 0.10, 0.86), (-0.1, 0.08, 0.09, 0.08, 1.0),
+    (-0.1, -0.08, 0.09, 0.08, 0.94), (0.08, 0.07, 0.09, 0.075, 1.06), (0.08, -0.07, 0.09, 0.075, 1),
+    (0.24, 0.0, 0.08, 0.075, 1.04), (0.38, 0.0, 0.065, 0.03, 1.1), (0.06, 0.0, 0.2, 0.009, 0.68),
+)  # fmt: skip
+"""Gaussians of a leaf: the stem, the blade and its vein."""
+LEAF_AREA = 0.22
+"""Area of a leaf, in squares of its length."""
+LITTER = 0.45
+"""Area of the leaves against that of the ground, for the usual amount."""
+LEAF_TILT, LEAF_PILE = 0.22, 0.3
+"""Standard deviation of a leaf's tilt, and how high leaves lie on each other, in their length."""
+
+
+def hidden(patch: Patch, growth: Growth) -> Float[Tensor, "h w"]:
+    """Share of each pixel that a growth hides."""
+    full = HIDING * growth.thickness * patch.site.size
+    return growth.opacity * patch.share * (patch.height / full).clamp(0, 1)
+
+
+def layer(patch: Patch, growth: Growth) -> Gaussians:
+    """A sheet of discs on top of a patch."""
+    top = patch.top
+    spots = patch.spots(top)
+    share = patch.share[patch.lies] if growth.opacity < 0.9 else torch.ones(len(spots)).double()
+    return discs(spots.points, spots.normals, top, growth.opacity * share, colors_of(spots, growth))
+
+
+def colors_of(spots: Spots, growth: Growth) -> Float[Tensor, "m 3"]:
+    """Display colors in the present light, mottled."""
+    random = torch.randn(len(spots), generator=torch.Generator().manual_seed(0)).double()
+    level = spots.rise.abs()  # discs are long where it is steep: mottles would be streaks
+    mottle = 1 + growth.mottle * level * random.clamp(-2, 2)
+    return spots.shaded(growth.shade, growth.lit, spots.light()) * mottle[:, None]
+
+
+def tufts(patch: Patch, growth: Growth, amount: float) -> Gaussians:
+    """A mat of discs, and short tufts that stand out of it, some lighter than others."""
+    relief, spots = patch.top, patch.spots(patch.top)
+    colors = colors_of(spots, growth)
+    mat = discs(spots.points, spots.normals, relief, growth.opacity, 0.72 * colors)
+    generator = torch.Generator().manual_seed(1)
+    count = len(spots)
+    tilt = TUFT_TILT * torch.randn(count, 3, generator=generator).double()
+    ways = torch.nn.functional.normalize(spots.normals + TUFT_UP * patch.site.up + tilt, dim=-1)
+    most = amount * growth.thickness * patch.site.size
+    long = most * TUFT_LONG * (0.4 + torch.rand(count, generator=generator).double())
+    shift = (torch.rand(count, 3, generator=generator).double() - 0.5) * relief.pixel
+    points = spots.points + shift + 0.6 * long[:, None] * ways
+    wide = torch.full_like(long, TUFT_WIDE * relief.pixel)
+    bright = 0.85 + 0.5 * torch.rand(count, generator=generator).double()
+    standing = assembled(
+        points, ways, perpendicular(ways), torch.stack((long / 1.5, wide, wide), -1), 0.8,
+        colors * bright[:, None],
+    )  # fmt: skip
+    return concatenate(mat, standing)
+
+
+def leaves(patch: Patch, growth: Growth, amount: float, most: int) -> Gaussians:
+    """Single leaves, of LEAF Gaussians each, strewn over a patch; at most `most` Gaussians."""
+    random = np.random.default_rng(0)
+    length = growth.thickness * patch.site.size
+    density = patch.share[patch.lies].numpy()
+    area = float(density.sum()) * patch.relief.pixel**2
+    count = min(ceil(amount * LITTER * area / (LEAF_AREA * length**2)), most // len(LEAF))
+    rows = torch.from_numpy(random.choice(len(density), count, p=density / density.sum()))
+    ground = patch.spots(patch.relief)[rows]
+    shift, tilt = (
+        torch.from_numpy(random.uniform(-0.5, 0.5, (count, 2))),
+        random.normal(size=(count, 3)),
+    )
+    points = ground.points + patch.relief.pixel * (
+        shift[:, :1] * patch.relief.right + shift[:, 1:] * patch.relief.down
+    )
+    normals = torch.nn.functional.normalize(
+        ground.normals + LEAF_TILT * torch.from_numpy(tilt), dim=-1
+    )
+    turn = torch.from_numpy(random.uniform(0, tau, count))[:, None]
+    first = perpendicular(normals)
+    second = torch.linalg.cross(normals, first)
+    along = turn.cos() * first + turn.sin() * second
+    sizes = length * torch.from_numpy(random.uniform(0.65, 1.2, count))
+    lift = length * torch.from_numpy(random.uniform(0.06, LEAF_PILE, count))
+    palette = torch.tensor(AUTUMN).double()[
+        torch.from_numpy(random.integers(len(AUTUMN), size=count))
+    ]
+    mottle = torch.from_numpy(1 + growth.mottle * random.normal(size=(count, 1)))
+    light = ground.shaded(growth.shade, growth.lit, ground.light())
+    return _leaf_shapes(
+        points + lift[:, None] * normals, along, normals, sizes, palette * mottle * light
+    )
+
+
+def _leaf_shapes(
+    points: Float[Tensor, "c 3"],
+    along: Float[Tensor, "c 3"],
+    normals: Float[Tensor, "c 3"],
+    sizes: Float[Tensor, " c"],
+    colors: Float[Tensor, "c 3"],
+) -> Gaussians:
+    """The LEAF Gaussians of each of `c` leaves, the tips curled up."""
+    shape = torch.tensor(LEAF).double()
+    across = torch.linalg.cross(normals, along)
+    curl = 0.5 * shape[:, 0].square() + 1.5 * shape[:, 1].square() + 0.01 * (shape[:, 3] < 0.02)
+    offsets = torch.stack((shape[:, 0], shape[:, 1], curl), -1)
+    frames = torch.stack((along, across, normals), 1)
+    at = points[:, None] + sizes[:, None, None] * (offsets @ frames)
+    thin = torch.full_like(shape[:, 2], 0.008)
+    scales = sizes[:, None, None] * torch.stack((shape[:, 2], shape[:, 3], thin), -1)
+    shown = colors[:, None] * shape[:, 4][:, None]
+    each = len(LEAF)
+    return assembled(
+        at.reshape(-1, 3), along.repeat_interleave(each, 0), normals.repeat_interleave(each, 0),
+        scales.reshape(-1, 3), 0.97, shown.reshape(-1, 3),
+    )  # fmt: skip
+
+
+SEEN = (0.03, 0.2)
+"""Share of a Gaussian that is seen along the axis from which it begins to be of the surface, and
+is."""
+HIDDEN = (0.3, 0.8)
+"""Share of what is seen of it that is hidden from which it begins to take a color, and has it."""
+NEAREST = 4
+"""New Gaussians whose mean color one takes."""
+
+
+def buried(scene: Gaussians, patch: Patch, hidden: Float[Tensor, "h w"]) -> Float[Tensor, " n"]:
+    """Share, in [0, 1], that a layer covers of each Gaussian, from what it hides of each pixel."""
+    relief, rows = patch.relief, patch.site.rows
+    part = scene[rows]
+    maps = torch.stack((hidden, torch.ones_like(hidden), torch.zeros_like(hidden)), -1)
+    covered, seen, _ = backproject(part, relief.camera, maps).double().T
+    mean = covered / seen.clamp_min(1e-9)
+    share = torch.zeros(len(scene), dtype=torch.float64)
+    share[rows] = step(seen / _area(part, relief), *SEEN) * step(mean, *HIDDEN)
+    return share
+
+
+def _area(part: Gaussians, relief: Relief) -> Float[Tensor, " k"]:
+    """Sum of each Gaussian's opacity over the pixels, with nothing before it; at least one's."""
+    plane = torch.stack((relief.right, relief.down)) / relief.pixel
+    axes = plane @ rotation_matrices(part.quats.double()) * part.scales.double()[:, None]
+    spread = torch.linalg.det(axes @ axes.mT).clamp_min(0).sqrt()
+    return tau * part.opacities.double() * spread.clamp_min(1 / tau)
+
+
+def in_colors_of(scene: Gaussians, share: Float[Tensor, " n"], new: Gaussians) -> Gaussians:
+    """The scene with a share of each Gaussian in the color of the new ones nearest to it; both have
+    SH of one degree."""
+    rows = (share > 0).nonzero().squeeze(-1)
+    if not len(rows) or not len(new):
+        return scene
+    nearest = min(NEAREST, len(new))
+    near = k_nearest(new.means.numpy(), scene.means[rows].detach().numpy(), nearest)[1]
+    color = new.sh[torch.from_numpy(near)].mean(1)
+    sh = scene.sh.detach().clone()
+    mixed = share[rows][:, None, None].to(sh)
+    sh[rows] = sh[rows] * (1 - mixed) + mixed * color
+    return replace(scene, sh=sh)
+
 
 VIEWS, VIEW_PIXELS = 6, 128
 """Cameras that haze is measured from, and the longer side of their pictures."""
-SEEN, SOLID = 0.5, 0.9
+SHOWN, SOLID = 0.5, 0.9
 """Least part of new Gaussians in a pixel that tells, and least opacity of them alone there."""
 FEWEST = 20
 """Pixels below which nothing is told."""
@@ -49,19 +326,17 @@ LEAST, MOST = 0.95, 1.25
 """Range of the factor: beyond it, something stands before them that is no haze."""
 
 
-def unveiled(
-    grown: Gaussians, new: Gaussians, cameras: Sequence[Camera], execution: Execution = AUTO
-) -> Gaussians:
+def unveiled(grown: Gaussians, new: Gaussians, cameras: Sequence[Camera]) -> Gaussians:
     """New Gaussians, the last of a grown scene, in colors that show as they are through what is
     before them: a factor a channel, the mean over the cameras."""
     marks = torch.arange(len(grown)) >= len(grown) - len(new)
     shown, wanted, count = torch.zeros(3).double(), torch.zeros(3).double(), 0
     for i in evenly_spaced(len(cameras), VIEWS):
         camera = cameras[i].fitted(VIEW_PIXELS)
-        whole = render(grown, camera, execution=execution).color
-        share = coverage(Region(marks), grown, camera, execution)
-        alone = render(new, camera, execution=execution)
-        told = (share > SEEN) & (alone.alpha > SOLID)
+        whole = render(grown, camera).color
+        share = coverage(Region(marks), grown, camera)
+        alone = render(new, camera)
+        told = (share > SHOWN) & (alone.alpha > SOLID)
         color = (alone.color[told] / alone.alpha[told][:, None]).double()
         part = share[told][:, None] * color
         shown += part.sum(0)
@@ -97,6 +372,7 @@ SIDES = 0.3
 
 
 @torch.no_grad()
+@ruled
 def grow(
     scene: Gaussians,
     name: str,
@@ -113,15 +389,15 @@ def grow(
     """
     growth = growth_of(name, amount)
     check_finite(scene)
-    found = survey(scene, cameras, None, execution)
-    site = _site(scene, found, inside, cameras, execution)
-    patches = [] if site is None else _patches(scene, site, growth, amount, execution)
+    found = survey(scene, cameras, None)
+    site = _site(scene, found, inside, cameras)
+    patches = [] if site is None else _patches(scene, site, growth, amount)
     new = _made(scene, patches, growth, amount)
     if not len(new):
         raise UsageError(
             f"{name} lies nowhere: nothing inside {growth.requirement}; choose more of it"
         )
-    return _grown(scene, name, growth, patches, new, cameras, execution)
+    return _grown(scene, name, growth, patches, new, cameras)
 
 
 def _grown(
@@ -131,17 +407,16 @@ def _grown(
     patches: list[Patch],
     new: Gaussians,
     cameras: Sequence[Camera],
-    execution: Execution,
 ) -> Outcome:
     """The scene with what grew on it, and what that hides in its color."""
     before, new = scene.detach(), new.with_degree(scene.degree)
     share = torch.zeros(len(scene), dtype=torch.float64)
     if growth.hides:
         for patch in patches:
-            share = torch.maximum(share, buried(scene, patch, hidden(patch, growth), execution))
+            share = torch.maximum(share, buried(scene, patch, hidden(patch, growth)))
     grown = concatenate(in_colors_of(before, share, new), new)
     if growth.hides:
-        cleared = unveiled(grown, new, cameras, execution)
+        cleared = unveiled(grown, new, cameras)
         grown = concatenate(in_colors_of(before, share, cleared), cleared)
     origin = torch.cat((torch.arange(len(scene)), torch.full((len(new),), NEW)))
     changed = torch.cat((share > 0, torch.ones(len(new), dtype=torch.bool)))
@@ -162,11 +437,7 @@ def _made(scene: Gaussians, patches: list[Patch], growth: Growth, amount: float)
 
 
 def _site(
-    scene: Gaussians,
-    found: Survey,
-    inside: Bool[Tensor, " n"] | None,
-    cameras: Sequence[Camera],
-    execution: Execution,
+    scene: Gaussians, found: Survey, inside: Bool[Tensor, " n"] | None, cameras: Sequence[Camera]
 ) -> Site | None:
     """The opaque, small Gaussians inside that are near and not above all cameras; None if fewer
     than four are."""
@@ -183,28 +454,21 @@ def _site(
         return None
     low, high = ends(points[rows], TAIL)
     size = min(float((high - low).norm()), place.distance)
-    setting = Setting(scene, found, cameras, execution)
-    sun = _sun(scene, inside, place.up, execution)
-    return Site(setting, rows, max(size, 1e-9), sun, execution)
+    setting = Setting(scene, found, cameras)
+    sun = _sun(scene, inside, place.up)
+    return Site(setting, rows, max(size, 1e-9), sun)
 
 
-def _sun(
-    scene: Gaussians,
-    inside: Bool[Tensor, " n"] | None,
-    up: Float[Tensor, "3"],
-    execution: Execution,
-) -> Sun | None:
+def _sun(scene: Gaussians, inside: Bool[Tensor, " n"] | None, up: Float[Tensor, "3"]) -> Sun | None:
     """The sun that casts the shadows around what is inside; None where it is all, or none is
     clear."""
     if inside is None or bool(inside.all()):
         return None
-    stance = stance_of(scene[inside], scene[~inside], up, execution)
-    return sun_of(scene, stance, execution)
+    stance = stance_of(scene[inside], scene[~inside], up)
+    return sun_of(scene, stance)
 
 
-def _patches(
-    scene: Gaussians, site: Site, growth: Growth, amount: float, execution: Execution
-) -> list[Patch]:
+def _patches(scene: Gaussians, site: Site, growth: Growth, amount: float) -> list[Patch]:
     """Patches of a growth on the site; as fine as the number of Gaussians allows."""
     axes = _axes(site, growth)
     pixel = max(
@@ -215,9 +479,7 @@ def _patches(
     sides = (points.amax(0) - points.amin(0)).sort().values[1:]
     pixel = max(pixel, sqrt(float(sides.prod()) / MOST_PIXELS))
     while True:
-        patches = [
-            _patch(scene, site, growth, amount, pixel, axes, i, execution) for i in range(len(axes))
-        ]
+        patches = [_patch(scene, site, growth, amount, pixel, axes, i) for i in range(len(axes))]
         patches = [patch for patch in patches if bool(patch.lies.any())]
         count = growth.each * sum(int(patch.lies.sum()) for patch in patches)
         if count <= MOST_NEW:
@@ -244,10 +506,9 @@ def _patch(
     pixel: float,
     axes: Float[Tensor, "a 3"],
     which: int,
-    execution: Execution,
 ) -> Patch:
     """The patch of a growth on what is seen along one of the axes, and faces that axis most."""
-    relief = relief_of(scene[site.rows], axes[which], pixel, execution).smoothed(growth.smooth)
+    relief = relief_of(scene[site.rows], axes[which], pixel).smoothed(growth.smooth)
     normals = relief.normals()
     own = (normals @ axes.T).argmax(-1) == which
     spots = site.spots(relief.points[relief.there], normals[relief.there])

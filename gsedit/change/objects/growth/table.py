@@ -14,17 +14,15 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from gsedit.change.light.present import Surface, received
-from gsedit.change.light.relight import step
+from gsedit.change.light.relight import Surface, received, step
 from gsedit.change.objects.placing.daylight import Sun, shadow_of
-from gsedit.change.scenery.setting import Setting
+from gsedit.change.scenery.table import Setting
 from gsedit.errors import UsageError
 from gsedit.scene.color_space import LUMINANCE
 from gsedit.scene.neighbors import k_nearest
 from gsedit.scene.quantiles import weighted_quantile
 from gsedit.toolkit.grade import GAMMA
 from gsedit.views.noise import noise
-from rasterizer.numerics import AUTO, Execution
 
 EVEN = 0.5
 """Share of an even sky in the light: the present one is told from colors that are not its own."""
@@ -51,7 +49,6 @@ class Site:
     """Its extent, world units: thicknesses are shares of it."""
     sun: Sun | None = None
     """Sun that is told from the shadows around it."""
-    execution: Execution = AUTO
 
     @cached_property
     def exposure(self) -> float:
@@ -145,7 +142,7 @@ class Spots:
         """Light of a sun and of an even sky, 1 where it is level and open."""
         strength = float(sun.strength @ torch.from_numpy(LUMINANCE / LUMINANCE.sum()))
         body = self.site.setting.scene[self.site.rows]
-        hidden = shadow_of(body, self.points, sun.direction, self.site.execution)
+        hidden = shadow_of(body, self.points, sun.direction)
         direct = (self.normals @ sun.direction).clamp_min(0) * (1 - hidden)
         level = 1 + strength * float(sun.direction @ self.site.up)
         return (even + strength * direct) / level

@@ -13,11 +13,11 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from gsedit.change.light.present import SKY_REACH
+from gsedit.change.light.relight import SKY_REACH
 from gsedit.change.objects.placing.stance import Stance
 from gsedit.scene.cache import cached_per_scene
 from gsedit.scene.color_space import LUMINANCE
-from gsedit.scene.merging.groups import coarsen
+from gsedit.scene.merging import coarsen
 from gsedit.scene.neighbors import nearest
 from gsedit.scene.outcome import Outcome
 from gsedit.scene.quaternions import even_directions
@@ -32,7 +32,7 @@ from gsedit.views.shadows import (
     sky_directions,
     sun_directions,
 )
-from rasterizer.numerics import AUTO, SH_DC, Execution, sh_to_color
+from rasterizer.numerics import SH_DC, sh_to_color
 from rasterizer.scene import Gaussians
 
 DIRECTIONS = 240
@@ -111,7 +111,7 @@ class _Ground:
 
 
 @cached_per_scene
-def sun_of(scene: Gaussians, stance: Stance, execution: Execution = AUTO) -> Sun | None:
+def sun_of(scene: Gaussians, stance: Stance) -> Sun | None:
     """The sun whose shadows what stands around an object casts on the surface there.
 
     The object is in the scene. None where no sun is clear.
@@ -131,16 +131,16 @@ def sun_of(scene: Gaussians, stance: Stance, execution: Execution = AUTO) -> Sun
     directions = torch.from_numpy(even_directions(DIRECTIONS)).double()
     sine = directions @ stance.up
     directions = directions[(sine > LOWEST) & (sine < HIGHEST)]
-    shadows = 1 - past_body(casters, ground.points, directions, execution)
+    shadows = 1 - past_body(casters, ground.points, directions)
     hidden = shadows.mean(1)
     best, score = _darkest(ground, hidden, directions, shadows)
     for angle in REFINED:
         ring = torch.cat((best[None], sun_directions(best, angle)))
-        tried = 1 - past_body(casters, ground.points, ring, execution)
+        tried = 1 - past_body(casters, ground.points, ring)
         best, score = _darkest(ground, hidden, ring, tried)
     if score < CLEAR or float(best @ stance.up) > OVERHEAD:
         return None
-    shadow = shadow_of(casters, ground.points, best, execution)
+    shadow = shadow_of(casters, ground.points, best)
     level = _depth(ground, hidden, shadow)
     if level is None:
         return None
@@ -148,13 +148,10 @@ def sun_of(scene: Gaussians, stance: Stance, execution: Execution = AUTO) -> Sun
 
 
 def shadow_of(
-    body: Gaussians,
-    points: Float[Tensor, "m 3"],
-    direction: Float[Tensor, "3"],
-    execution: Execution = AUTO,
+    body: Gaussians, points: Float[Tensor, "m 3"], direction: Float[Tensor, "3"]
 ) -> Float[Tensor, " m"]:
     """Share of the sun in a direction, in [0, 1], that an object hides from points."""
-    return 1 - past_body(body, points, sun_directions(direction, SOFT), execution).mean(1)
+    return 1 - past_body(body, points, sun_directions(direction, SOFT)).mean(1)
 
 
 def _level(near: Gaussians, rise: Float[Tensor, " n"], stance: Stance) -> float:
@@ -228,7 +225,6 @@ class Daylight:
 
     place: Place
     sun: Sun | None
-    execution: Execution = AUTO
 
     @cached_property
     def directions(self) -> Float[Tensor, "d 3"]:
@@ -256,10 +252,10 @@ class Daylight:
         self, body: Gaussians, points: Float[Tensor, "n 3"], normals: Float[Tensor, "n 3"]
     ) -> tuple[Float[Tensor, "n d"], Float[Tensor, " n"] | float]:
         """Shares of the sky and of the sun that come past an object."""
-        sky = past_body(body, points, self.directions, self.execution, normals)
+        sky = past_body(body, points, self.directions, normals=normals)
         if self.sun is None:
             return sky, 1.0
-        return sky, 1 - shadow_of(body, points, self.sun.direction, self.execution)
+        return sky, 1 - shadow_of(body, points, self.sun.direction)
 
     def sunlit(self, rest: Gaussians, points: Float[Tensor, "n 3"]) -> Float[Tensor, " n"] | float:
         """Share of the sun that the rest of a scene leaves to points."""
@@ -267,7 +263,7 @@ class Daylight:
             return 1.0
         rays, reach = sun_directions(self.sun.direction, SOFT), 2 * self.place.radius
         return open_share(
-            casters(rest, self.place), self.place, points, rays, self.execution,
+            casters(rest, self.place), self.place, points, rays,
             side=SHARP, reach=reach,
         ).mean(1)  # fmt: skip
 
@@ -278,7 +274,7 @@ class Daylight:
         points = body.means.double()
         sky, sun = self.past(body, points, normals)
         open_ = open_share(
-            casters(rest, self.place), self.place, points, self.directions, self.execution,
+            casters(rest, self.place), self.place, points, self.directions,
             reach=SKY_REACH * self.place.radius,
         )  # fmt: skip
         return self.received(normals, sky * open_, sun * self.sunlit(rest, points))

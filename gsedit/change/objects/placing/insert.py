@@ -37,7 +37,7 @@ from gsedit.views.surroundings import (
     light_at,
 )
 from rasterizer.camera import Camera
-from rasterizer.numerics import AUTO, Execution
+from rasterizer.numerics import AUTO, Execution, ruled
 from rasterizer.scene import Gaussians
 
 LAYERS = 48
@@ -168,7 +168,6 @@ def balanced(
     scene: Gaussians,
     up: Float[Tensor, "3"],
     cameras: Sequence[Camera] = (),
-    execution: Execution = AUTO,
 ) -> Gaussians:
     """An object in the brightness and color of the light from above at its place.
 
@@ -176,7 +175,7 @@ def balanced(
     """
     middle = stance.foot + stance.height / 2 * stance.up
     near = BODY * stance.height
-    here = light_at(scene, middle, near, up, execution, cameras)
+    here = light_at(scene, middle, near, up, cameras=cameras)
     ours = None if here.studio else _from_above(here, up)
     if ours is None:
         return body
@@ -212,6 +211,7 @@ NEAR = 1.2
 
 
 @torch.no_grad()
+@ruled
 def insert(
     scene: Gaussians,
     other: Gaussians,
@@ -234,15 +234,15 @@ def insert(
     """
     _check(scene, other, at, height, turn)
     scene, other = scene.detach(), other.detach()
-    seen_from = cameras_of(scene, cameras, execution=execution)
+    seen_from = cameras_of(scene, cameras)
     around = place_of(scene, seen_from)
     theirs = guess_up(other) if up is None else torch.nn.functional.normalize(up.double(), dim=0)
     inside = main_object(other, theirs)
     surroundings = other[~inside]
-    own = stance_of(other[inside], surroundings, theirs, execution)
+    own = stance_of(other[inside], surroundings, theirs)
     factor, note = _factor(scene, other[inside], own, at, height, around, seen_from)
     body, stance = _upright(other[inside], own, factor, around, turned=up is None)
-    target, ground = at, Ground(scene, around, seen_from, execution)
+    target, ground = at, Ground(scene, around, seen_from)
     if at is None:
         reach = max(NEAR * around.distance, 2 * stance.height)
         middle = ground_near(ground, around.distance / 2)
@@ -252,8 +252,8 @@ def insert(
     placement = Placement(turn=turn, to=target)
     motion = motion_of(body, stance, placement, beside, ground)
     there = moved(body, motion.similarity).with_degree(scene.degree)
-    there = balanced(there, motion.stance, scene, around.up, seen_from, execution)
-    light = Daylight(around, sun_of(scene, motion.stance, execution), execution)
+    there = balanced(there, motion.stance, scene, around.up, seen_from)
+    light = Daylight(around, sun_of(scene, motion.stance))
     base = shaded(same(scene), there, motion.stance, light)
     rows = torch.full((len(there),), NEW)
     told = notes_of(replace(motion, rise=0.0), there, ground)

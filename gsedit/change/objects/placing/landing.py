@@ -28,7 +28,6 @@ from gsedit.views.dataset import evenly_spaced
 from gsedit.views.place import Place
 from gsedit.views.relief import Relief
 from rasterizer.camera import Camera
-from rasterizer.numerics import AUTO, Execution
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
 
@@ -68,12 +67,11 @@ class Ground:
     scene: Gaussians
     place: Place
     cameras: Sequence[Camera] = ()
-    execution: Execution = AUTO
 
     def map(self, center: Float[Tensor, "3"], radius: float, ceiling: float) -> Relief:
         """Its heights around a point."""
         up = self.place.up
-        return heights_from_above(self.scene, center, radius, up, ceiling, self.execution)
+        return heights_from_above(self.scene, center, radius, up, ceiling)
 
 
 def free_point(
@@ -167,7 +165,7 @@ def _shown(
     plain = replace(ground.scene, sh=ground.scene.sh[:, :1])
     asked = evenly_spaced(len(ground.cameras), VIEWS)
     for camera in (ground.cameras[i].fitted(VIEW_PIXELS) for i in asked):
-        depth = render(plain, camera, depth=True, execution=ground.execution).depth
+        depth = render(plain, camera, depth=True).depth
         assert depth is not None
         for share in SEEN_AT:
             at = points + share * height * ground.place.up
@@ -230,7 +228,7 @@ def point_beside(
     """
     place = ground.place
     if beside.side == "on":
-        top = top_of(other, place.up, ground.execution)
+        top = top_of(other, place.up)
         found = free_point(body, stance, top, _reach(other, place.up), ground)
         return top if found is None else found
     middle = other.means.double().median(0).values
@@ -255,14 +253,14 @@ def _reach(body: Gaussians, up: Float[Tensor, "3"]) -> float:
     return float(ends(level[:, None], TAIL)[1, 0])
 
 
-def top_of(other: Gaussians, up: Float[Tensor, "3"], execution: Execution = AUTO) -> Tensor:
+def top_of(other: Gaussians, up: Float[Tensor, "3"]) -> Tensor:
     """The middle of what of an object is seen from above, as high as most of it is."""
     points = other.means.double()
     begins, last = extent(points, up)
     middle = points.median(0).values
     away = (points - middle).norm(dim=-1)
     radius = 1.1 * float(ends(away[:, None], TAIL)[1, 0]) + 1e-9
-    seen = heights_from_above(other, middle, radius, up, last + 0.1 * (last - begins), execution)
+    seen = heights_from_above(other, middle, radius, up, last + 0.1 * (last - begins))
     if not bool(seen.there.any()):
         return middle + (last - middle @ up) * up
     level = float(seen.heights[seen.there].median())
@@ -295,16 +293,11 @@ def _blocked(seen: Relief, step: float) -> Float[Tensor, "h w"]:
 
 
 def land(
-    body: Gaussians,
-    foot: Float[Tensor, "3"],
-    stance: Stance,
-    rest: Gaussians,
-    ceiling: float,
-    execution: Execution = AUTO,
+    body: Gaussians, foot: Float[Tensor, "3"], stance: Stance, rest: Gaussians, ceiling: float
 ) -> Landing:
     """The surface under an object that was moved to stand at `foot`, at most `ceiling` high."""
     up = stance.up
-    seen = map_around(body, rest, foot, up, ceiling, execution)
+    seen = map_around(body, rest, foot, up, ceiling)
     at = _under(body, foot, stance, seen)
     under = seen.tops[at]
     there = under[under.isfinite()]
@@ -323,18 +316,16 @@ def land(
     return Landing(point, up, True)
 
 
-def carried(
-    body: Gaussians, stance: Stance, rest: Gaussians, execution: Execution = AUTO
-) -> tuple[float, float]:
+def carried(body: Gaussians, stance: Stance, rest: Gaussians) -> tuple[float, float]:
     """Shares, in [0, 1], of an object's base that is over a surface at the height of its foot, and
     of its outline from above that something else than this surface reaches into."""
     ceiling = float(stance.foot @ stance.up) + STEP * stance.height
-    seen = map_around(body, rest, stance.foot, stance.up, ceiling, execution)
+    seen = map_around(body, rest, stance.foot, stance.up, ceiling)
     at = _under(body, stance.foot, stance, seen)
     off = (seen.tops[at] - stance.foot @ stance.up).abs()
     level = float((off <= BASE * stance.height).double().mean())
     top = float(stance.foot @ stance.up) + stance.height
-    seen = map_around(body, rest, stance.foot, stance.up, top, execution)
+    seen = map_around(body, rest, stance.foot, stance.up, top)
     others = seen.tops > stance.foot @ stance.up + BASE * stance.height
     outline = seen.under(body.means)
     return level, float((outline & others).sum() / outline.sum().clamp_min(1))

@@ -29,8 +29,7 @@ from gsedit.change.objects.placing.placement import (
     check_placement,
 )
 from gsedit.change.objects.placing.stance import STEP, Stance, middle_of, size_of, stance_of
-from gsedit.change.objects.removal.remains import tidied
-from gsedit.change.objects.removal.remove import remove
+from gsedit.change.objects.removal.remove import remove, tidied
 from gsedit.scene.outcome import NEW, Outcome, check_finite, same
 from gsedit.scene.quaternions import axis_rotation, turn_between
 from gsedit.scene.similarity import IDENTITY, Similarity
@@ -39,7 +38,7 @@ from gsedit.views.around import cameras_of
 from gsedit.views.normals import estimate_normals
 from gsedit.views.place import place_of
 from rasterizer.camera import Camera
-from rasterizer.numerics import AUTO, Execution
+from rasterizer.numerics import AUTO, Execution, ruled
 from rasterizer.scene import Gaussians, concatenate
 
 CLIMB = 0.5
@@ -94,7 +93,7 @@ def motion_of(
         target = target + right * way["right"] + back * way["behind"]
         onto = other if _on_top(placement.to) and other is not None else ground.scene
         there = moved(sized, _shift(target - stance.foot))
-        landing = land(there, target, tall, onto, ceiling, ground.execution)
+        landing = land(there, target, tall, onto, ceiling)
         risen = float((landing.point - stance.foot) @ tall.up)
         target = landing.point
     asked, rise = rise, _no_deeper(rise, sized, tall, target, landing, ground)
@@ -122,7 +121,7 @@ def _no_deeper(
     if rise >= 0 or stance.stands or (landing is not None and landing.found):
         return max(rise, 0.0)
     ceiling = float(target @ stance.up)
-    under = land(body, target, stance, ground.scene, ceiling, ground.execution)
+    under = land(body, target, stance, ground.scene, ceiling)
     return max(rise, float((under.point - target) @ stance.up)) if under.found else rise
 
 
@@ -170,6 +169,7 @@ def _lean(stance: Stance, landing: Landing | None) -> Similarity:
 
 
 @torch.no_grad()
+@ruled
 def place(
     scene: Gaussians,
     inside: Bool[Tensor, " n"],
@@ -187,24 +187,24 @@ def place(
     check_finite(scene)
     if placement.is_nothing:
         return same(scene)
-    seen_from = cameras_of(scene, cameras, execution=execution)
+    seen_from = cameras_of(scene, cameras)
     around = place_of(scene, seen_from)
     scene, asked = scene.detach(), inside
     inside = torch.from_numpy(tidied(scene.means.numpy(), inside.numpy()))
     body = scene[inside]
-    stance = stance_of(body, scene[~inside], around.up, execution)
+    stance = stance_of(body, scene[~inside], around.up)
     if stance.stands and placement.offset[2] < 0 and placement.only_rises:
         return replace(same(scene), notes=(RESTS,))
-    gone = same(scene) if placement.copy else remove(scene, asked, seen_from, execution)
+    gone = same(scene) if placement.copy else remove(scene, asked, seen_from)
     to = placement.to
     other = scene[to.of] if isinstance(to, RelativePlace) and to.of is not None else body
-    ground = Ground(gone.scene, around, seen_from, execution)
+    ground = Ground(gone.scene, around, seen_from)
     motion = motion_of(body, stance, placement, other, ground)
     there = moved(body, motion.similarity)
-    light = Daylight(around, sun_of(scene, stance, execution), execution)
+    light = Daylight(around, sun_of(scene, stance))
     turned = not np.allclose(motion.similarity.turn, np.eye(3))
     if light.sun is not None and (motion.landing is not None or turned):
-        normals = estimate_normals(scene, seen_from, execution, inside).directions.double()
+        normals = estimate_normals(scene, seen_from, inside=inside).directions.double()
         turn = torch.from_numpy(motion.similarity.turn)
         there = relit_elsewhere(body, there, normals, turn, gone.scene, light)
     base = shaded(gone, there, motion.stance, light)
@@ -250,7 +250,7 @@ def notes_of(motion: Motion, body: Gaussians, ground: Ground) -> tuple[str, ...]
     if abs(motion.rise) > LEVEL * stance.height:
         way = "higher" if motion.rise > 0 else "lower"
         notes.append(f"what it stands on there is {abs(motion.rise):.3g} world units {way}")
-    share, crowded = carried(body, stance, ground.scene, ground.execution)
+    share, crowded = carried(body, stance, ground.scene)
     if share < OVER_EDGE:
         notes.append(f"{1 - share:.0%} of its base is over the edge of what carries it")
     if crowded > CROWDED:

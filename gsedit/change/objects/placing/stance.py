@@ -18,7 +18,7 @@ from gsedit.views.orbit import perpendicular
 from gsedit.views.place import Place
 from gsedit.views.relief import Relief
 from gsedit.views.shadows import parallel_map
-from rasterizer.numerics import AUTO, Execution
+from rasterizer.project import rotation_matrices
 from rasterizer.scene import Gaussians
 
 CELLS = 192
@@ -37,14 +37,13 @@ def heights_from_above(
     radius: float,
     up: Float[Tensor, "3"],
     ceiling: float,
-    execution: Execution = AUTO,
 ) -> Relief:
     """The heights of a scene around a point; what is above the ceiling is not there."""
     middle = center + (ceiling - 2 * radius - center @ up) * up  # the eye is at the ceiling
     place = Place(middle, up, perpendicular(up), 2 * radius, radius)
     below = scene.means.double() @ up <= ceiling
     seen = replace(scene, sh=scene.sh[:, :1])[below].detach()
-    drawn = parallel_map(seen, place, up, CELLS, execution)
+    drawn = parallel_map(seen, place, up, CELLS)
     there = drawn.depth.isfinite()
     depth = drawn.depth.double().masked_fill(~there, 0.0)
     found = Relief(drawn.camera, drawn.camera.unproject(drawn.camera.pixel_centers(), depth), there)
@@ -66,55 +65,25 @@ def _lift(scene: Gaussians, seen: Relief, radius: float) -> float:
     return SEEN_ABOVE * min(float(typical), MOST_ABOVE * radius)
 
 
-OUTLINE_CELLS = 384
-"""Cells along the side of a picture of an outline: half of one is less than 0.2 % of the object."""
-SIDES = 4
-"""Directions from which an outline is looked at."""
-LOWEST, HIGHEST = 0.02, 0.995
-"""Ranks among the columns of outlines at which an object begins and ends."""
-PAST = 0.4
-"""Height of an outline over the edge of what discs cover, in their median standard deviation."""
+DRAWN = 1.5
+"""Standard deviations to which a Gaussian's part in the outline of an object reaches."""
 
 
-def reach(
-    body: Gaussians, up: Float[Tensor, "3"], execution: Execution = AUTO
-) -> tuple[float, float]:
-    """The heights at which what is seen of an object from its sides begins and ends.
-
-    An outline is where its opacity is one half: haze around an object does not count.
-    """
-    points = body.means.double()
-    middle = (points.amin(0) + points.amax(0)) / 2
-    radius = 1.1 * float((points - middle).norm(dim=-1).amax()) + 1e-9
-    wide = body.log_scales.sort(-1).values[:, 1]
-    shown = torch.cat(_outlines(body, middle, radius, up, execution), 1)
-    shown = shown[:, shown.any(0)]
-    if not shown.shape[1]:  # haze only
-        heights = points @ up
-        return float(heights.amin()), float(heights.amax())
-    rows = torch.arange(OUTLINE_CELLS, dtype=torch.float64)[:, None]
-    last = torch.where(shown, rows + 1, -torch.inf).amax(0).quantile(1 - LOWEST)
-    first = torch.where(shown, rows, torch.inf).amin(0).quantile(1 - HIGHEST)
-    top, cell = float(middle @ up) + radius, 2 * radius / OUTLINE_CELLS
-    edge = PAST * min(float(wide.median().exp()), MOST_ABOVE * radius)
-    return top - cell * float(last) + edge, top - cell * float(first) - edge
+def reach(body: Gaussians, up: Float[Tensor, "3"]) -> tuple[float, float]:
+    """The heights at which what is seen of an object begins and ends; without haze and strays."""
+    body = body[_solid(body)]
+    axes = rotation_matrices(body.quats.double()).mT @ up
+    drawn = DRAWN * (axes * body.scales.double()).norm(dim=-1)
+    heights = body.means.double() @ up
+    return float(extents((heights - drawn)[:, None])[0]), float(
+        extents((heights + drawn)[:, None])[1]
+    )
 
 
-def _outlines(
-    body: Gaussians,
-    middle: Float[Tensor, "3"],
-    radius: float,
-    up: Float[Tensor, "3"],
-    execution: Execution,
-) -> list[Bool[Tensor, "h w"]]:
-    """Flags of the pixels that show an object from each of SIDES; rows go down."""
-    side = perpendicular(up)
-    across = torch.linalg.cross(up, side)
-    place = Place(middle, up, side, 2 * radius, radius)
-    angles = torch.arange(SIDES, dtype=torch.float64) * (torch.pi / SIDES)
-    views = (each.cos() * side + each.sin() * across for each in angles)
-    drawn = (parallel_map(body, place, view, OUTLINE_CELLS, execution) for view in views)
-    return [each.depth.isfinite() for each in drawn]
+def _solid(body: Gaussians) -> Bool[Tensor, " n"]:
+    """Flag what is no haze; all where all is."""
+    solid = body.opacities > SOLID
+    return solid if bool(solid.any()) else torch.ones_like(solid)
 
 
 MOST_POINTS = 8000
@@ -155,8 +124,7 @@ def middle_of(body: Gaussians, up: Float[Tensor, "3"]) -> Float[Tensor, "3"]:
 
     Sides that nobody saw have no Gaussians, and do not draw it away.
     """
-    solid = body.opacities > SOLID
-    points = body.means[solid if bool(solid.any()) else torch.ones_like(solid)].double()
+    points = body.means[_solid(body)].double()
     rise = points @ up
     low, high = extents(rise[:, None])[:, 0]
     side = perpendicular(up)
@@ -182,18 +150,16 @@ def size_of(body: Gaussians) -> float:
     return max(float((high - low).norm()), float(body.log_scales.amax().exp()))
 
 
-def stance_of(
-    body: Gaussians, rest: Gaussians, up: Float[Tensor, "3"], execution: Execution = AUTO
-) -> Stance:
+def stance_of(body: Gaussians, rest: Gaussians, up: Float[Tensor, "3"]) -> Stance:
     """How an object stands in the rest of its scene; `up` is the scene's upward direction."""
-    begins, last = reach(body, up, execution)
+    begins, last = reach(body, up)
     middle = middle_of(body, up)
     ceiling = begins + STEP * (last - begins)
-    seen = map_around(body, rest, middle, up, ceiling, execution)
+    seen = map_around(body, rest, middle, up, ceiling)
     support = carrier(body, seen, up)
     if support is not None:
         normal = torch.from_numpy(support.normal)
-        low, high = reach(body, normal, execution)
+        low, high = reach(body, normal)
         height = high - support.offset
         if -SUNK * height <= low - support.offset <= HIDDEN * height:
             foot = middle + (support.offset - middle @ normal) * normal
@@ -208,13 +174,12 @@ def map_around(
     middle: Float[Tensor, "3"],
     up: Float[Tensor, "3"],
     ceiling: float,
-    execution: Execution = AUTO,
 ) -> Relief:
     """The heights of the rest of a scene around an object."""
     away = body.means.double() - middle
     level = away - (away @ up)[:, None] * up
     radius = AROUND * float(level.norm(dim=-1).amax().clamp_min(away.norm(dim=-1).amax() / 2))
-    return heights_from_above(rest, middle, radius + 1e-9, up, ceiling, execution)
+    return heights_from_above(rest, middle, radius + 1e-9, up, ceiling)
 
 
 def carrier(body: Gaussians, seen: Relief, up: Float[Tensor, "3"]) -> Plane | None:

@@ -22,7 +22,7 @@ from gsedit.change.objects.removal.sight import Sight, Views, seen_through
 from gsedit.scene.planes import Plane
 from gsedit.scene.quaternions import quaternion_of, turn_between
 from rasterizer.camera import Camera
-from rasterizer.numerics import AUTO, SH_DC, Execution, color_to_sh
+from rasterizer.numerics import SH_DC, color_to_sh
 from rasterizer.render import render
 from rasterizer.scene import Gaussians, concatenate
 
@@ -140,17 +140,13 @@ def find_gap(views: Views) -> tuple[Camera, Bool[np.ndarray, "h w"]] | None:
 
 @torch.no_grad()
 def backdrop(
-    scene: Gaussians,
-    camera: Camera,
-    hole: Bool[np.ndarray, "h w"],
-    sights: Sequence[Sight],
-    execution: Execution = AUTO,
+    scene: Gaussians, camera: Camera, hole: Bool[np.ndarray, "h w"], sights: Sequence[Sight]
 ) -> tuple[Gaussians, bool]:
     """A layer of Gaussians, one a pixel of the hole, and whether it has texture.
 
     Inverse depth goes on smoothly from what is around.
     """
-    shown = render(scene, camera, median_depth=True, execution=execution)
+    shown = render(scene, camera, median_depth=True)
     depth = shown.median_depth
     assert depth is not None
     solid = (shown.alpha.numpy() > KNOWN) & (depth.numpy() > 0)

@@ -1,28 +1,24 @@
 """Remove an object and fill what nobody saw behind it.
 
-`n` Gaussians before, `m` after.
+Along go Gaussians that belong to it beyond what was selected: its rim and floaters, its mirror
+image. What stood on it and hangs in the air is told.
+`n` Gaussians before, or of what is left; `m` after.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Float64, Int
+from scipy import ndimage
 from torch import Tensor
 
 from gsedit.change.objects.removal.cells import widened
 from gsedit.change.objects.removal.fill import backdrop, filled, find_gap
-from gsedit.change.objects.removal.remains import (
-    AROUND,
-    core_of,
-    mirrored_under,
-    resting_on,
-    strays,
-    tidied,
-)
 from gsedit.change.objects.removal.sheet import Object, Sheet, find_shade, find_sheet, standing
 from gsedit.change.objects.removal.sight import (
     Sight,
@@ -42,9 +38,220 @@ from gsedit.views.dataset import evenly_spaced
 from gsedit.views.normals import shortest_axes
 from gsedit.views.paths import up_of
 from rasterizer.camera import Camera
-from rasterizer.numerics import AUTO, SH_DC, Execution, sh_to_color
+from rasterizer.numerics import AUTO, SH_DC, Execution, ruled, sh_to_color
 from rasterizer.project import rotation_matrices
 from rasterizer.scene import Gaussians, concatenate
+
+NEIGHBORS = 16
+"""Nearest Gaussians that vote on one."""
+FEW, MOST = 0.2, 0.8
+"""Share of them inside, below which one is not, and above which it is."""
+MARGIN = 0.1
+"""Width around the object in which flags are looked at, of its extent."""
+CORE = 0.035
+"""Distance from all that is outside, of the extent, from which a Gaussian is surely inside."""
+LEAST_CORE = 0.3
+"""Least share of the object that is its core: else it is thin, and all of it is."""
+
+
+def tidied(
+    points: Float[np.ndarray, "n 3"], inside: Bool[np.ndarray, " n"]
+) -> Bool[np.ndarray, " n"]:
+    """The flags without single ones that are unlike their neighbors; at least one stays."""
+    tidy, near = inside.copy(), _near(points, inside)
+    for rows, among in ((near, near), (inside & ~near, np.ones_like(near))):
+        at, of = np.flatnonzero(rows), np.flatnonzero(among)
+        if len(at) and len(of) > NEIGHBORS:
+            _, found = k_nearest(points[of], points[at], NEIGHBORS + 1)
+            share = inside[of][found[:, 1:]].mean(1)
+            tidy[at] = (share > MOST) | (inside[at] & (share >= FEW))
+    return tidy if tidy.any() and not tidy.all() else inside
+
+
+def core_of(
+    points: Float[np.ndarray, "n 3"], inside: Bool[np.ndarray, " n"]
+) -> Bool[np.ndarray, " n"]:
+    """The Gaussians that are inside even if too much was selected; all, of a thin object."""
+    near = _near(points, inside) & ~inside
+    if not near.any():
+        return inside
+    width = CORE * extent_of(points[inside])
+    away = k_nearest(points[near], points[inside], 1, width)[0][:, 0]
+    core = np.zeros_like(inside)
+    core[np.flatnonzero(inside)[np.isinf(away)]] = True
+    return core if core.sum() > LEAST_CORE * inside.sum() else inside
+
+
+def _near(
+    points: Float[np.ndarray, "n 3"], inside: Bool[np.ndarray, " n"]
+) -> Bool[np.ndarray, " n"]:
+    """Flag the Gaussians in the box of nearly all of the object, and a margin around it."""
+    low, high = np.quantile(points[inside], (0.02, 0.98), axis=0)
+    margin = MARGIN * float(np.linalg.norm(high - low))
+    return ((points >= low - margin) & (points <= high + margin)).all(1)
+
+
+SHOWN = 1e-3
+"""Pixels that a Gaussian contributes at least to all views, for them to say something of it."""
+UNSEEN = 0.15
+"""Share of what a Gaussian now contributes, up to which nobody saw it behind the object."""
+UNSURE, SURE = 0.5, 0.6
+"""Such shares up to which it was seen too little to be believed, and from which it is."""
+RIM = 0.06
+"""Farthest that the object's rim reaches, of its extent."""
+TOUCHED = 0.03
+"""Farthest that remains of the object's foot reach on a plane, of its extent."""
+AROUND = 0.4
+"""Farthest that a Gaussian is believed to look like what was hidden, of the extent."""
+OUTLINED = 0.9
+"""Share of what it contributes that is in the object's outlines, from which it is enclosed."""
+FAINT, HAZE, HAZE_OUTLINED = 0.3, 0.15, 0.6
+"""Opacity of haze, its farthest reach, of the extent, and its least share in the outlines."""
+ALIKE, ALIKE_SHARE, LEAST_SURE = 0.06, 0.01, 50
+"""Distance of two colors that are alike, the share of the sure ones that must be alike, and the
+least number of them that says something."""
+
+
+def strays(
+    points: Float[np.ndarray, "n 3"],
+    colors: Float[np.ndarray, "n 3"],
+    opacities: Float[np.ndarray, " n"],
+    away: Float[np.ndarray, " n"],
+    seen: Float[np.ndarray, " n"],
+    now: Float[np.ndarray, "3 n"],
+    planes: Sequence[Plane],
+) -> Bool[np.ndarray, " n"]:
+    """Flag the Gaussians that go with the object.
+
+    `away` is the distance from the object in its extent, `seen` what each Gaussian contributed
+    while the object was there, `now` what it does without (`contributions_of`). Those go that
+    nobody saw, on a plane or near the object; near it, what is enclosed and on no plane; haze that
+    is seen before the object more than beside it; and on a plane, what was hardly seen, or touches
+    the object, and does not look like it: remains of a foot or a shadow.
+    """
+    all_, outlined, _ = now
+    total = np.maximum(all_, SHOWN)
+    trust = np.where(all_ < SHOWN, 1.0, seen / total)
+    enclosed = outlined > OUTLINED * total
+    layers = [plane.on(points) for plane in planes]
+    flat = np.any(layers, 0) if layers else np.zeros(len(points), bool)
+    close = away < RIM
+    gone = (trust < UNSEEN) & (flat | close) | (enclosed & close & ~flat)
+    haze = (opacities < FAINT) & (away < HAZE) & ~flat
+    gone |= haze & (outlined > HAZE_OUTLINED * total) & (trust < SURE)
+    for layer in layers:
+        touched = away < TOUCHED
+        sure = np.flatnonzero(layer & (away < AROUND) & ~touched & (trust > SURE))
+        asked = np.flatnonzero(layer & ((trust < UNSURE) | touched) & ~gone)
+        if len(sure) >= LEAST_SURE and len(asked):
+            k = max(1, int(ALIKE_SHARE * len(sure)))
+            gone[asked[k_nearest(colors[sure], colors[asked], k)[0][:, -1] > ALIKE]] = True
+    return gone
+
+
+ASKED = 2000
+"""Points that are asked for their image or their neighbors."""
+NEAR = 0.08
+"""Farthest that an image lies from where it belongs, of the object's extent."""
+LOW = 0.5
+"""Share of the object's height whose image is asked for: that of its top is seen least."""
+SHARE = 0.6
+"""Share of those points that have one: less is a leg of the table, or the soil."""
+ASIDE, ALONE = 0.75, 0.5
+"""Shift to four sides, of the extent, and the largest share of points that are found there, of
+those found below: where all is full of points, as of ground below the top of a rock, none is an
+image."""
+CLEAR = 0.05
+"""Depth under the plane from which there is an image, of the extent: less is the surface itself."""
+
+
+def mirrored_under(
+    thing: Float[np.ndarray, "k 3"],
+    others: Float[np.ndarray, "n 3"],
+    normal: Float64[np.ndarray, "3"],
+    offset: float,
+) -> Bool[np.ndarray, " n"]:
+    """Flag the points under a plane that are the mirror image of a thing on it; none if few are.
+
+    `normal` (a unit vector) points to the thing's side; points p of the plane have p @ normal ==
+    offset.
+    """
+    extent, flags = extent_of(thing), np.zeros(len(others), bool)
+    heights = others.astype(np.float64) @ normal - offset
+    high = thing.astype(np.float64) @ normal - offset
+    under = np.flatnonzero((heights < -CLEAR * extent) & (heights > -high.max() - NEAR * extent))
+    asked = thing[(high > CLEAR * extent) & (high < LOW * high.max())]
+    if not len(under) or not len(asked):
+        return flags
+    images = others[under] - 2 * heights[under, None] * normal
+    some = asked[:: 1 + len(asked) // ASKED]
+    share = _share(images, some, extent)
+    across = np.linalg.svd(normal[None])[2][1:] * ASIDE * extent
+    beside = [_share(images, some + way, extent) for way in (*across, *-across)]
+    if share < SHARE or np.median(beside) > ALONE * share:
+        return flags
+    flags[under] = np.isfinite(k_nearest(thing, images, 1, NEAR * extent)[0][:, 0])
+    return flags
+
+
+def _share(
+    images: Float[np.ndarray, "m 3"], points: Float[np.ndarray, "k 3"], extent: float
+) -> float:
+    """Share of points that have an image near them."""
+    return float(np.isfinite(k_nearest(images, points, 1, NEAR * extent)[0]).mean())
+
+
+REACH = 1.0
+"""Width around the object's box that is looked at, of its extent."""
+CELL, SPACED = 0.04, 2.5
+"""Least side of a cell, of the extent, and of the usual distance of neighbors."""
+REACHES_DOWN = 0.1
+"""Height to which what stands beside the object reaches down, of the object's."""
+LEAST_SIZE = 0.1
+"""Least extent of what is worth a word, of the object's: less is a crumb of its rim."""
+
+
+def resting_on(
+    thing: Float[np.ndarray, "k 3"],
+    others: Float[np.ndarray, "n 3"],
+    up: Float64[np.ndarray, "3"],
+) -> Bool[np.ndarray, " n"]:
+    """Flag the points of what lies right on top of a thing and touches nothing beside or below.
+
+    `others` are the points that are left; what reaches down beside the thing, or far from it, is
+    held by something else.
+    """
+    extent, flags = extent_of(thing), np.zeros(len(others), bool)
+    axes = np.linalg.svd(up[None])[2]
+    axes[0] = up
+    own, rest = thing @ axes.T, others.astype(np.float64) @ axes.T
+    low, high = own.min(0) - REACH * extent, own.max(0) + REACH * extent
+    low[0] = own[:, 0].min() + REACHES_DOWN * np.ptp(own[:, 0])
+    near = np.flatnonzero(((rest > low) & (rest < high)).all(1))
+    if len(near) < 2 or extent <= 0:
+        return flags
+    some = rest[near[:: 1 + len(near) // ASKED]]
+    spacing = float(np.median(k_nearest(rest[near], some, 2)[0][:, 1]))
+    step = max(CELL * extent, SPACED * spacing)
+
+    def cells(points: Float[np.ndarray, "m 3"]) -> tuple[np.ndarray, ...]:
+        return tuple(((points - low) / step).astype(int).T)
+
+    taken, filled = (np.zeros(np.ceil((high - low) / step).astype(int), bool) for _ in range(2))
+    taken[cells(rest[near])] = True
+    filled[cells(own[own[:, 0] > low[0]])] = True
+    found: Any = ndimage.label(taken, np.ones((3, 3, 3)))
+    parts = found[0]
+    above = np.zeros_like(filled)
+    above[2:] = filled[1:-1] | filled[:-2]
+    inner = np.zeros_like(filled)
+    inner[1:-1, 1:-1, 1:-1] = True
+    loose = np.setdiff1d(parts[above & ~filled], np.append(parts[~inner], 0))
+    for part in loose:
+        rows = near[parts[cells(rest[near])] == part]
+        flags[rows] = extent_of(others[rows]) > LEAST_SIZE * extent
+    return flags
+
 
 VIEWS, VIEW_PIXELS = 48, 256
 """Most views that are asked, and the longer side of their pictures."""
@@ -59,7 +266,7 @@ TALL = 2.5
 """
 LEAST_GUESS = 0.01
 """Share of what the object hid that is worth a word where nobody saw it."""
-CONTACT, TOUCHED = 3, 0.95
+CONTACT, DIMMED = 3, 0.95
 """Width around a hole, cells, that is made up, too, where less than such a share of the light is
 left: close to the contact shadows are steeper than they can be told."""
 MOST_GAPS = 3
@@ -68,6 +275,7 @@ MOST_GAPS = 3
 
 @cached_per_scene
 @torch.no_grad()
+@ruled
 def remove(
     scene: Gaussians,
     inside: Bool[Tensor, " n"],
@@ -86,58 +294,54 @@ def remove(
     """
     _check(scene, inside)
     inside = torch.from_numpy(tidied(scene.means.numpy(), inside.numpy()))
-    cameras = cameras_of(scene, cameras, execution=execution)
+    cameras = cameras_of(scene, cameras)
     most = VIEWS if len(scene) < LARGE else FEW_VIEWS
     asked = [cameras[i].fitted(VIEW_PIXELS) for i in evenly_spaced(len(cameras), most)]
-    sights, seen = look(scene, inside, asked, execution)
+    sights, seen = look(scene, inside, asked)
     if not sights:
         raise UsageError(
             "no camera sees what is selected: give cameras that do, or leave it out with "
             "'gsedit filter'"
         )
     thing = _object(scene, inside, cameras)
-    kept, planes = _without(scene, inside, thing.extent, sights, seen, execution)
+    kept, planes = _without(scene, inside, thing.extent, sights, seen)
     left = _Left(scene, kept, torch.zeros(len(kept), dtype=torch.bool), scene[kept], [], 0)
-    bare = look_again(left.scene, sights, execution)
-    left, views = _planes_filled(left, planes, thing, bare, execution)
-    left, views = _gaps_filled(left, views, execution)
+    bare = look_again(left.scene, sights)
+    left, views = _planes_filled(left, planes, thing, bare)
+    left, views = _gaps_filled(left, views)
     firm = scene.means[left.rows][left.rest.opacities > FIRM].numpy()
     resting = int(resting_on(thing.points, firm, up_of(cameras).double().numpy()).sum())
     return left.outcome(_notes(inside, left, len(sights), guessed(bare, views), resting))
 
 
 def _planes_filled(
-    left: _Left,
-    planes: Sequence[Plane],
-    thing: Object,
-    views: Views,
-    execution: Execution,
+    left: _Left, planes: Sequence[Plane], thing: Object, views: Views
 ) -> tuple[_Left, Views]:
     """Fill the holes of planes and take the object's shadow off them, one after the other."""
     for plane in planes:
         others = [other for other in planes if other is not plane]
-        sheet = find_sheet(left.rest, plane, others, thing, views, execution)
+        sheet = find_sheet(left.rest, plane, others, thing, views)
         if sheet is None:
             continue
         left, sheet = _lit(left, sheet, plane, thing.extent)
         left = left.without(_in_hole(left.rest, sheet, plane))
         made, textured = filled(left.rest, sheet, plane)
         left = left.plus(made, textured)
-        views = look_again(left.scene, views.sights, execution)
+        views = look_again(left.scene, views.sights)
     return left, views
 
 
-def _gaps_filled(left: _Left, views: Views, execution: Execution) -> tuple[_Left, Views]:
+def _gaps_filled(left: _Left, views: Views) -> tuple[_Left, Views]:
     """Continue what lies on no plane in those views that show the largest holes."""
     for _ in range(MOST_GAPS):
         gap = find_gap(views)
         if gap is None:
             break
-        made, textured = backdrop(left.scene, *gap, views.sights, execution)
+        made, textured = backdrop(left.scene, *gap, views.sights)
         if not len(made):
             break
         left = left.plus(made, textured)
-        views = look_again(left.scene, views.sights, execution)
+        views = look_again(left.scene, views.sights)
     return left, views
 
 
@@ -189,7 +393,7 @@ def _lit(left: _Left, sheet: Sheet, plane: Plane, extent: float) -> tuple[_Left,
     sh[dark] *= brighter
     sh[dark, :1] += 0.5 / SH_DC * (brighter - 1)
     values = sheet.values / np.tile(light, sheet.values.shape[-1] // 3)
-    contact = widened(sheet.hole, CONTACT) & (light.min(-1) < TOUCHED)
+    contact = widened(sheet.hole, CONTACT) & (light.min(-1) < DIMMED)
     hole = sheet.hole | ((deep | contact) & sheet.known)
     sheet = replace(sheet, values=values, known=sheet.known & ~hole, hole=hole)
     return replace(left, changed=left.changed | dark, rest=replace(left.rest, sh=sh)), sheet
@@ -225,13 +429,12 @@ def _without(
     extent: float,
     sights: Sequence[Sight],
     seen: Float[Tensor, " n"],
-    execution: Execution,
 ) -> tuple[Int[Tensor, " k"], tuple[Plane, ...]]:
     """Rows of what stays, and the planes around the object."""
     points, removed = scene.means.numpy(), inside.numpy()
     rest = (~inside).nonzero().squeeze(1)
     kept = scene[rest]
-    now = contributions_of(kept, sights, execution).numpy()
+    now = contributions_of(kept, sights).numpy()
     weights = np.zeros(len(scene))
     weights[rest.numpy()] = now[2]
     eye = np.mean([sight.camera.center.double().numpy() for sight in sights], 0)

@@ -34,7 +34,7 @@ from gsedit.views.orbit import parallel, perpendicular
 from rasterizer.camera import Camera
 from rasterizer.color_weights import color_weights
 from rasterizer.harmonics import basis
-from rasterizer.numerics import AUTO, SH_DC, Execution
+from rasterizer.numerics import SH_DC
 from rasterizer.scene import Gaussians
 
 FAINT = 1e-3
@@ -101,13 +101,13 @@ def above(
 
 
 def harmonics_on(
-    layer: Gaussians, camera: Camera, execution: Execution
+    layer: Gaussians, camera: Camera
 ) -> tuple[Float[np.ndarray, "h w k3"], Float[np.ndarray, "h w"]]:
     """Harmonics blended as colors are, and the opacity."""
     if not len(layer):
         shape = (camera.height, camera.width)
         return np.zeros((*shape, layer.sh.shape[1] * 3)), np.zeros(shape)
-    weights = color_weights(layer, camera, execution=execution)
+    weights = color_weights(layer, camera)
     alpha = weights.picture(torch.ones(len(layer), 3).to(layer.means))[..., 0]
     bands = [weights.picture(layer.sh[:, k].contiguous()) for k in range(layer.sh.shape[1])]
     values = torch.cat(bands, -1) / alpha.clamp_min(1e-3)[..., None]
@@ -169,12 +169,7 @@ class Object:
 
 
 def find_sheet(
-    kept: Gaussians,
-    plane: Plane,
-    others: Sequence[Plane],
-    thing: Object,
-    views: Views,
-    execution: Execution = AUTO,
+    kept: Gaussians, plane: Plane, others: Sequence[Plane], thing: Object, views: Views
 ) -> Sheet | None:
     """The part of a plane that nobody saw or the object stood on, with what is known around it.
 
@@ -186,7 +181,7 @@ def find_sheet(
     middle = thing.center - plane.heights(thing.center[None])[0] * plane.normal
     radius = REACH * thing.extent
     camera = above(plane, middle, np.array((radius, radius)), 2 * radius / COARSE)
-    rough = _drawn(layer, plane, others, camera, LEAST_CELLS, thing, views, execution)
+    rough = _drawn(layer, plane, others, camera, LEAST_CELLS, thing, views)
     if not (rough.hole | (rough.caster & rough.known)).any():
         return None
     low, high = _frame(rough, thing.extent)
@@ -195,7 +190,7 @@ def find_sheet(
     half = (high - low) / 2 * rough.cell
     fine = max(thing.pixel, 2 * float(half.max()) / MOST_CELLS)
     camera = above(plane, middle, half, fine)
-    return _drawn(layer, plane, others, camera, LEAST_FINE_CELLS, thing, views, execution)
+    return _drawn(layer, plane, others, camera, LEAST_FINE_CELLS, thing, views)
 
 
 def _drawn(
@@ -206,11 +201,10 @@ def _drawn(
     least: int,
     thing: Object,
     views: Views,
-    execution: Execution,
 ) -> Sheet:
     """The picture of a rectangle of a plane."""
     depth = 2 * plane.band
-    values, alpha = harmonics_on(layer, camera, execution)
+    values, alpha = harmonics_on(layer, camera)
     eyes = np.stack([s.camera.center.double().numpy() for s in views.sights])
     points = cells_of(camera, depth)
     towards = torch.nn.functional.normalize(torch.from_numpy(points.mean(0) - eyes), dim=1)

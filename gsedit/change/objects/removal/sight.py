@@ -16,7 +16,6 @@ from torch import Tensor
 from gsedit.change.objects.removal.cells import widened
 from rasterizer.camera import Camera
 from rasterizer.color_weights import color_weights
-from rasterizer.numerics import AUTO, Execution
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
 
@@ -46,16 +45,13 @@ class Sight:
 
 @torch.no_grad()
 def look(
-    scene: Gaussians,
-    inside: Bool[Tensor, " n"],
-    cameras: Sequence[Camera],
-    execution: Execution = AUTO,
+    scene: Gaussians, inside: Bool[Tensor, " n"], cameras: Sequence[Camera]
 ) -> tuple[list[Sight], Float[Tensor, " n"]]:
     """The cameras that see the object, and what each Gaussian contributes to them all, pixels."""
     colors = inside.to(scene.means)[:, None].expand(-1, 3).contiguous()
     seen, sights = scene.means.new_zeros(len(scene)), []
     for camera in cameras:
-        weights = color_weights(scene, camera, execution=execution)
+        weights = color_weights(scene, camera)
         shown = weights.picture(colors)[..., 0].numpy() > OUTLINE
         if not shown.any():
             continue
@@ -64,20 +60,18 @@ def look(
         size = float(np.sqrt(shown.sum()))
         outline = widened(shown, max(1, round(HALO * size)))
         ring = widened(outline, max(2, round(RING * size))) & ~outline
-        sights.append(Sight(camera, _depth(scene, camera, execution)[0], outline, ring))
+        sights.append(Sight(camera, _depth(scene, camera)[0], outline, ring))
     return sights, seen
 
 
 @torch.no_grad()
-def contributions_of(
-    scene: Gaussians, sights: Sequence[Sight], execution: Execution = AUTO
-) -> Float[Tensor, "3 n"]:
+def contributions_of(scene: Gaussians, sights: Sequence[Sight]) -> Float[Tensor, "3 n"]:
     """Pixels that each Gaussian of a scene without the object gives: to all views, to the object's
     outlines, and to the rings around them."""
     sums = scene.means.new_zeros(len(scene), 3)
     for sight in sights:
         maps = np.stack((np.ones_like(sight.outline), sight.outline, sight.ring), -1)
-        weights = color_weights(scene, sight.camera, execution=execution)
+        weights = color_weights(scene, sight.camera)
         sums += weights.back(torch.from_numpy(maps).to(scene.means))
     return sums.T
 
@@ -92,9 +86,9 @@ class Views:
     alpha: Sequence[Float[np.ndarray, "h w"]]
 
 
-def look_again(scene: Gaussians, sights: Sequence[Sight], execution: Execution = AUTO) -> Views:
+def look_again(scene: Gaussians, sights: Sequence[Sight]) -> Views:
     """The views of what is left of a scene."""
-    maps = [_depth(scene, sight.camera, execution) for sight in sights]
+    maps = [_depth(scene, sight.camera) for sight in sights]
     return Views(sights, [depth for depth, _ in maps], [alpha for _, alpha in maps])
 
 
@@ -110,12 +104,10 @@ def guessed(bare: Views, after: Views) -> float:
 
 @torch.no_grad()
 def _depth(
-    scene: Gaussians, camera: Camera, execution: Execution
+    scene: Gaussians, camera: Camera
 ) -> tuple[Float[np.ndarray, "h w"], Float[np.ndarray, "h w"]]:
     """Median depth, infinite where nothing is, and the opacity."""
-    shown = render(
-        replace(scene, sh=scene.sh[:, :1]), camera, median_depth=True, execution=execution
-    )
+    shown = render(replace(scene, sh=scene.sh[:, :1]), camera, median_depth=True)
     depth = shown.median_depth
     assert depth is not None
     return depth.masked_fill(depth <= 0, torch.inf).numpy(), shown.alpha.numpy()

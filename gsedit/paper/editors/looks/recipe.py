@@ -20,7 +20,6 @@ from gsedit.paper.editors.looks.color_maps import (
     veined,
     watercolor,
 )
-from gsedit.words.asked import looks_asked
 from gsedit.words.read import denies, read_instruction
 
 VARIANTS = 3
@@ -61,7 +60,7 @@ LOOKS: dict[str, Look] = {
         ),
     ),
     "stone": Look(
-        ("stone", "granite", "rock", "concrete", "limestone", "sandstone"),
+        ("stone", "granite", "rock", "concrete", "limestone", "sandstone", "slate"),
         (
             ramp("18181a 4c4c4c 808080 acaca8 dcdcd4", keep=0.03, contrast=0.4),  # granite
             ramp("38281a 806448 c0a078 e4d0a8 f8f0d8", keep=0.06, contrast=0.4),  # sandstone
@@ -145,8 +144,6 @@ LOOKS: dict[str, Look] = {
 
 NAMES = {word: name for name, look in LOOKS.items() for word in look.words}
 PATTERN = re.compile(rf"\b(?:{'|'.join(sorted(NAMES, key=len, reverse=True))})\b")
-SIMILAR = {"slate": "stone", "sandstone": "stone"}
-"""Looks of gsedit.words that have another name here."""
 STATUE = re.compile(r"\b(?:statue|sculpture|petrified)\b")  # stone, unless a look is named
 
 
@@ -168,8 +165,8 @@ class Recipe:
 
 
 def parse(prompt: str) -> Recipe:
-    """The looks that an instruction names, in the order of its words; if none, those that it is
-    understood as (gsedit.words), the subject's first.
+    """The looks that an instruction names, in the order of its words; if none, those of the changes
+    that are read in it (gsedit.words).
 
     Raises UsageError for an instruction that is empty or asks for none of them.
     """
@@ -179,12 +176,10 @@ def parse(prompt: str) -> Recipe:
     read = read_instruction(prompt)
     if read.refusal == "negation":
         raise UsageError(f"{prompt.strip()!r}: {read.why}")
+    understood = " ".join(change.name for change in read.changes)
     if read.known and denies(prompt):
-        text = " ".join(change.name for change in read.changes)
-    names = [NAMES[match.group()] for match in PATTERN.finditer(text)]
-    if not names and STATUE.search(text):
-        names = ["stone"]
-    names = names or _understood(prompt)
+        text = understood
+    names = _named(text) or ["stone"] * bool(STATUE.search(text)) or _named(understood)
     if not names:
         raise UsageError(
             f"the closed-form editor does not know {prompt.strip()!r}; it knows "
@@ -194,14 +189,8 @@ def parse(prompt: str) -> Recipe:
     return Recipe(tuple(dict.fromkeys(names)))
 
 
-def _understood(prompt: str) -> list[str]:
-    """The looks that a sentence asks for; none where one of them is not among those here."""
-    try:
-        asked = looks_asked(prompt)
-    except UsageError:
-        return []
-    names = [SIMILAR.get(look.name, look.name) for look in asked]
-    return names if LOOKS.keys() >= set(names) else []
+def _named(text: str) -> list[str]:
+    return [NAMES[match.group()] for match in PATTERN.finditer(text)]
 
 
 def agreed_variant(

@@ -1,1 +1,0 @@
-"""Give a scene the style of a picture, from its own renders."""

@@ -1,1 +1,0 @@
-"""Gaussians merged into fewer: pair by pair (decimation) or by groups (edits of large scenes)."""

@@ -1,0 +1,141 @@
+"""Painting styles: each is drawn by the painter in the part of the scene that it is said of."""
+
+from __future__ import annotations
+
+import pytest
+import tiny_edits
+import torch
+
+import gsedit
+from gsedit.editing.edit import prepare
+from gsedit.editing.plan import read_steps, steps_of
+from gsedit.editing.preview import drawn_region, preview_edited
+from gsedit.errors import UsageError
+from gsedit.paper.editors import make_editor
+from gsedit.paper.settings import EditSettings
+from gsedit.paper.strategies.single_pass import SinglePass
+from gsedit.select.finder import Finder, Names
+from gsedit.select.saved import save_named
+from gsedit.views.viewpoints import viewpoints_of
+from gsedit.words.lexicon import styles
+from gsedit.words.read import read_instruction
+from gsedit.words.styles import GIVEN, STYLES, styles_asked
+
+PARTS = ("the whole scene", "the subject", "the background", "the red one", "all but the red chair")
+
+
+@pytest.fixture
+def half():
+    """A scene, and the region that is one half of it."""
+    scene = tiny_edits.scene()
+    return scene, scene.means[:, 0] > scene.means[:, 0].median()
+
+
+@pytest.fixture
+def named(half, tmp_path):
+    """The blob is one half, the zog the other."""
+    scene, inside = half
+    halves, file = {"blob": inside, "zog": ~inside}, tmp_path / "scene.ply"
+    means = scene.means.numpy()
+    return Names({k: save_named(v.numpy(), means, file, k) for k, v in halves.items()})
+
+
+@pytest.mark.parametrize(
+    ("sentence", "inner", "outer"),
+    [
+        ("paint the blob like a woodcut", True, False),
+        ("paint everything except the blob like a woodcut", False, True),
+        ("the blob as an oil painting, then make the blob darker", True, False),
+        ("as a woodcut", True, True),
+    ],
+)
+def test_a_style_changes_its_part_alone(half, named, sentence, inner, outer):
+    scene, inside = half
+    result = gsedit.edit(scene, sentence, tiny_edits.data(), names=named)
+    moved = (result.scene.sh - scene.sh).abs().amax((1, 2)) > 1e-4
+    assert (bool(moved[inside].any()), bool(moved[~inside].any())) == (inner, outer)
+    assert result.understood is not None
+    assert result.targets
+
+
+def test_exact_changes_and_styles_go_together(half, named):
+    words = "make the blob bronze and the zog a woodcut"
+    result = gsedit.edit(half[0], words, tiny_edits.data(), names=named)
+    assert [change.route for change in result.understood.changes] == ["material", "style"]
+    assert (result.scene.sh != half[0].sh).flatten(1).any(1).all()
+    assert {"change", "sample", "measure"} <= set(result.timings)
+
+
+def test_a_region_is_what_is_painted(half, tmp_path):
+    scene, inside = half
+    gsedit.select.region.save_region(gsedit.select.region.Region(inside), tmp_path / "half.npy")
+    settings = EditSettings(region=str(tmp_path / "half.npy"))
+    result = gsedit.edit(scene, "as a woodcut", tiny_edits.data(), settings=settings)
+    assert torch.equal(result.scene.sh[~inside], scene.sh[~inside])
+
+
+def test_a_preview_paints_its_part_alone(half, named):
+    scene, data = half[0], tiny_edits.data()
+    finder = Finder(scene, viewpoints_of(data), names=named)
+    (step,) = steps_of(read_instruction("the blob as a woodcut", ["blob"]))
+    painter, camera = make_editor(), data.views[0].camera
+    region = drawn_region(finder, step, painter)
+    shown = preview_edited(scene, step.text, camera, painter, region=region)
+    other = preview_edited(scene, step.text, camera, painter)
+    (after,), (whole,) = shown.after, other.after
+    apart = [float((each.image - shown.before.image).abs().mean()) for each in (after, whole)]
+    assert 0 < apart[0] < apart[1]
+
+
+@pytest.mark.parametrize("name", [*styles(), GIVEN.name])
+def test_what_a_step_is_called_asks_for_its_style(name):
+    for part in PARTS:
+        words = f"{part} in the style of {name}"
+        assert styles_asked(words) == (STYLES.get(name, GIVEN),)
+        assert [str(change) for change in read_instruction(words).changes] == [
+            words.replace("all but", "everything but")
+        ]
+
+
+def test_a_name_that_only_the_scene_knows_does_not_hide_the_style():
+    asked = styles_asked("everything but the left leg in the style of woodcut")
+    assert [style.name for style in asked] == ["woodcut"]
+    with pytest.raises(UsageError):
+        styles_asked("do not paint the left leg in the style of woodcut")
+
+
+def test_every_style_is_a_step_with_words_of_its_own():
+    steps = read_steps("make it darker, the bear a mosaic and the background a woodcut")
+    assert [step.text for step in steps][1:] == [
+        "the subject in the style of stained glass", "the background in the style of woodcut",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("sentence", "how", "told"),
+    [
+        ("as a hologram", {}, "nearest are stained glass, graffiti and nocturne"),
+        ("in the style of Vermeer", {}, "no painting style resembles 'vermeer'"),
+        ("in the style of this picture", {}, "--like"),
+        ("paint it red", {"editor": "painter"}, "asks for nothing that is drawn"),
+        ("paint it red", {"strategy": SinglePass()}, "asks for nothing that is drawn"),
+        ("paint it red", {"settings": EditSettings(batches=3)}, "asks for nothing that is drawn"),
+        ("as a woodcut", {"editor": "closed-form"}, "closed-form editor does not know"),
+    ],
+)
+def test_what_is_not_drawn_is_refused_with_the_next_move(sentence, how, told):
+    how = {key: make_editor(v) if key == "editor" else v for key, v in how.items()}
+    with pytest.raises(UsageError, match=told):
+        prepare(tiny_edits.scene(), sentence, tiny_edits.data(), **how)
+
+
+@pytest.mark.parametrize(
+    ("sentence", "told"),
+    [
+        ("a woodcut, and the background a mosaic", "two styles"), ("paint it red", "no painting"),
+        ("not a woodcut", "must not"), ("as pixel art", "nearest are"), ("", "empty"),
+    ],
+)  # fmt: skip
+def test_the_painter_paints_one_style(sentence, told):
+    with pytest.raises(UsageError, match=told):
+        make_editor().check(sentence)

@@ -1,0 +1,122 @@
+"""Strokes of drawn views stay in a scene: where views contradict each other, one of them leads."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from gsedit.bench.synthetic import demo_scene, ring_cameras, surface_gaussians
+from gsedit.capture.fitting.solve import solve_colors
+from gsedit.capture.fitting.strokes import (
+    BAND_PENALTY,
+    LEAST_SHARE,
+    leading_shares,
+    leading_views,
+    stroke_steps,
+)
+from gsedit.measures.features import FilterBank
+from gsedit.paper.view_plan import survey
+from gsedit.views.dataset import View
+from rasterizer.render import render
+from rasterizer.scene import Gaussians
+
+STEPS = 12
+
+
+@pytest.fixture(scope="module")
+def scene():
+    made = surface_gaussians(demo_scene(), 2500, torch.Generator().manual_seed(0))
+    return replace(made, sh=made.sh[:, :1].clamp(-1.5, 1.5))
+
+
+@pytest.fixture(scope="module")
+def cameras():
+    return ring_cameras(demo_scene(), 8, 48)
+
+
+@pytest.fixture(scope="module")
+def striped(scene, cameras):
+    """Views with stripes, which no two views place alike."""
+    views = []
+    for i, camera in enumerate(cameras):
+        picture = render(scene, camera)
+        stripes = ((torch.arange(48) + 3 * i) // 4 % 2).float()[:, None, None]
+        image = picture.color * (1 - picture.alpha[..., None] * 0.6 * stripes)
+        views.append(View(str(i), camera, image))
+    return views
+
+
+def everything(scene):
+    return torch.ones(len(scene), dtype=torch.bool)
+
+
+def solved(scene, views, shares=None, inside=None):
+    inside = everything(scene) if inside is None else inside
+    penalty = BAND_PENALTY
+    *_, last = solve_colors(scene, views, inside, shares=shares, band_penalty=penalty)
+    return last.scene
+
+
+def shares_of(scene, cameras):
+    leading = leading_views(survey(scene, cameras), scene.means)
+    return leading_shares(scene, cameras, leading)
+
+
+def descended(scene, views, inside=None):
+    pictures = [render(scene, view.camera).color for view in views]
+    inside = everything(scene) if inside is None else inside
+    *losses, last = stroke_steps(
+        scene, views, inside, STEPS, FilterBank(), torch.Generator().manual_seed(0),
+        pictures=pictures, shares=[torch.ones(48, 48)] * len(views),
+    )  # fmt: skip
+    assert isinstance(last, Gaussians)
+    return losses, last
+
+
+def energy(scene, cameras):
+    pictures = torch.stack([render(scene, camera).color for camera in cameras])
+    return float((pictures[:, 1:] - pictures[:, :-1]).square().mean())
+
+
+def test_the_view_leads_that_sees_a_place_best():
+    weights = torch.tensor([[1.0, 1, 1, 0, 0, 0], [0, 0, 0, 2, 2, 2]]).repeat_interleave(9, 1)
+    means = torch.randn(54, 3, generator=torch.Generator().manual_seed(0))
+    means[27:] += 100
+    assert torch.equal(leading_views(weights, means), (means[:, 0] > 50).long())
+
+
+def test_shares_of_views_are_those_of_what_they_lead(scene, cameras):
+    leading = leading_views(survey(scene, cameras), scene.means)
+    shares = torch.stack(leading_shares(scene, cameras, leading))
+    alpha = torch.stack([render(scene, camera).alpha for camera in cameras])
+    assert shares.min() >= LEAST_SHARE
+    assert (shares <= alpha.clamp_min(LEAST_SHARE) + 1e-5).all()
+    own = torch.zeros(len(scene), dtype=torch.long)
+    assert torch.stack(leading_shares(scene, cameras, own))[1:].max() <= LEAST_SHARE + 1e-6
+
+
+def test_strokes_are_kept_that_a_mean_would_lose(scene, cameras, striped):
+    mean = solved(scene, striped)
+    led = solved(scene, striped, shares_of(scene, cameras))
+    _, styled = descended(led, striped)
+    between = ring_cameras(demo_scene(), 16, 48)[1::2]
+    energies = [energy(each, between) for each in (mean, led, styled)]
+    assert energies[0] < energies[1] < energies[2]
+
+
+def test_only_base_colors_inside_move(scene, striped):
+    bands = torch.zeros(len(scene), 4, 3)
+    bands[:, 0] = scene.sh[:, 0]
+    banded, inside = replace(scene, sh=bands), scene.means[:, 0] > 0
+    _, styled = descended(banded, striped, inside)
+    same = ~inside
+    assert torch.equal(styled.sh[same], banded.sh[same])
+    assert torch.equal(styled.sh[:, 1:], banded.sh[:, 1:])
+    assert not torch.equal(styled.sh[inside], banded.sh[inside])
+
+
+def test_a_scene_that_shows_its_targets_stays(scene, cameras):
+    targets = [View(str(i), c, render(scene, c).color) for i, c in enumerate(cameras)]
+    losses, same = descended(scene, targets)
+    assert max(losses) < 1e-9
+    assert (same.sh - scene.sh).abs().max() < 1e-3
