@@ -71,8 +71,8 @@ from research.painting.judge import (
     report,
 )
 
-STYLES = ("starry night", "comic", "wave print", "expressionist")
-CURVED = ("starry night", "wave print")
+STYLES = ("starry night painting", "comic", "wave print", "expressionist")
+CURVED = ("starry night painting", "wave print")
 """Styles in which strategies run: a curve takes as long as all other arms of a cell."""
 AT = (5.0, 10.0, 20.0)
 """Processor seconds at which strategies are measured."""
