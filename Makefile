@@ -7,8 +7,8 @@
 # make fuzz damages 2,000 files of every kind and reads them.
 # make sanitize runs the C++ files under ASan, UBSan and TSan; make bench does so too.
 # make wheel builds a wheel that holds the compiled kernels, in dist/, and tries each of its levels of vectors.
-# make paper repeats the paper's experiments (examples/research) in full (hours) and writes out/paper/report.md; with
-# SCENE=bear.ply DATA=photos/ on that capture too. An interrupted one goes on.
+# make paper SCENES="bear.ply garden.ply" tries the paper's claims on these scenes (10 minutes of processor time each) and
+# writes out/paper/claims.md. An interrupted one goes on.
 
 PYTHON ?= python3
 BIN := .venv/bin
@@ -70,7 +70,7 @@ wheel: setup
 	PYTHONPATH=build/wheel $(BIN)/python tests/wheel_levels.py
 
 paper: setup
-	PYTHONPATH=examples $(BIN)/python -m research.paper $(SCENE) $(if $(DATA),--data $(DATA)) -o out/paper
+	PYTHONPATH=examples $(BIN)/python -m research.painting out/paper $(SCENES)
 
 # Debian and its children: install what is missing if we may, else say how. Never a reason to stop:
 # without the libraries only the viewers are missing, and without venv the next line says so itself.

@@ -8,6 +8,7 @@ MSE by features, and the PSNR to the true edit at held-out cameras.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from statistics import fmean
 
 import torch
@@ -26,7 +27,17 @@ from gsedit.paper.editors.looks.recipe import parse
 from gsedit.paper.strategies.single_pass import SinglePass
 from gsedit.views.dataset import capture
 from research.command import print_result, run
-from research.paper.measure import SteppedUpdate
+
+
+@dataclass(frozen=True)
+class SteppedUpdate(UpdateSettings):
+    """Settings of an update in steps of Adam, whatever the loss."""
+
+    @property
+    def is_quadratic(self) -> bool:
+        """False: a solve is not to be used."""
+        return False
+
 
 ARMS = {
     "MSE, solved": UpdateSettings(patch=48), "MSE, in steps": SteppedUpdate(patch=48),

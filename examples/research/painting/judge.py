@@ -263,6 +263,8 @@ def judge_style(cells: Cells) -> tuple[Verdict, str]:
         for cell in cells
         if (own := cells.value(cell, "base", "seconds")) is not None
     ]
+    if not seconds:
+        return "not judged", "no seconds"
     quick = max(seconds) <= MOST_SECONDS
     words = f"{min(seconds):.1f} to {max(seconds):.1f} s; " + "; ".join(text for _, text in parts)
     return ("seen" if quick and all(done for done, _ in parts) else "not reached"), words

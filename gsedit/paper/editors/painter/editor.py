@@ -31,7 +31,7 @@ from gsedit.words.styles import styles_asked
 WEIGHTS = Path(__file__).with_name("styles.safetensors")
 BRUSH = 192
 """Pixels, longer side of the pictures that are painted. At 256 strokes are finer than the Gaussians
-of a scene fitted at 256 pixels can hold (docs/measurements/paper.md)."""
+of a scene fitted at 256 pixels can hold."""
 BATCHES = 6
 """A view takes 0.05 s, so that more of a scene is painted than another editor would edit."""
 MOST_SURVEYED_PIXELS = 3_000_000

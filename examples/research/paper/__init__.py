@@ -1,1 +1,0 @@
-"""The experiments of Efficient-NeRF2NeRF, repeated here: `python -m research.paper`."""
