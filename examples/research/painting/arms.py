@@ -23,11 +23,12 @@ from gsedit.capture.fitting.strokes import (
     LAST_RATE,
     MOMENTS,
     RATE,
+    Drawn,
+    gradient_ratio,
     leading_shares,
     leading_views,
 )
 from gsedit.measures.features import FilterBank
-from gsedit.measures.losses import gram
 from gsedit.measures.perceptual import perceptual_distance
 from gsedit.paper.consistency.correspond import Correspondences, correspond
 from gsedit.paper.diffusion.settings import SamplerSettings
@@ -37,7 +38,6 @@ from gsedit.paper.unedited import render_with_depth
 from gsedit.paper.view_plan import random_plan
 from gsedit.views.dataset import View
 from gsedit.views.padding import pad_camera, pad_to_multiple
-from rasterizer.color_weights import ColorWeights, color_weights
 from rasterizer.numerics import AUTO, SH_DC
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
@@ -52,6 +52,7 @@ ROUND = 10
 """Steps of an iterative update between two edits, as in Instruct-NeRF2NeRF."""
 FIRST = 1 / 3
 """Share of the seconds that the combined strategy gives the single pass."""
+BANK = FilterBank()
 BLURS = tuple(0.2 * 1.05**k for k in range(60))
 """Deviations, pixels, among which a blur is looked for."""
 
@@ -119,7 +120,6 @@ class Bench:
 
     def __init__(self, case: Case, painter: Painter, style: str) -> None:
         self.case, self.painter, self.style = case, painter, style
-        self.bank = FilterBank()
         self.targets, self.start = cache(self._targets), cache(self._start)
         self.gram_weight = cache(self._gram_weight)
 
@@ -214,40 +214,41 @@ class Bench:
     def strategy(self, name: str, seconds: Sequence[float], seed: int = 0) -> Iterator[Work]:
         """The scene of a strategy after so many processor seconds each; all descend the sum at a
         steady rate, and Gram weighs the same in all."""
-        case, clock = self.case, Clock()
-        chance, done, edits = torch.Generator().manual_seed(seed), 0, 0
-        descent = Descent(case.scene, case, "sum", GRAM_GRADIENT, seed)
-        if name in ("solved", "single", "combined"):
-            targets, spent = self.targets("planned", 0, True, 0)
-            clock.spent, edits = spent, len(targets)
-            shares: Mapping[int, Tensor] = {}
-            if name == "solved":
-                scene, shares, spent = self.start("planned", 0, True, 0, "lead")
-                clock.spent += spent
-                descent = Descent(scene, case, "sum", GRAM_GRADIENT, seed)
-            for i, target in targets.items():
-                descent.put(i, target, shares.get(i))
-        else:
-            for i in case.views:
-                descent.put(i, case.unedited[i])
+        case, chance = self.case, torch.Generator().manual_seed(seed)
+        planned, start, spent, steps, edits = ("planned", 0, True, 0), case.scene, 0.0, 0, 0
+        targets: Mapping[int, Tensor] = {i: case.unedited[i] for i in case.views}
+        shares: Mapping[int, Tensor] = {}
+        if name not in ("iterative", REPAINT):
+            targets, spent = self.targets(*planned)
+            edits = len(targets)
+        if name == "solved":
+            start, shares, solving = self.start(*planned, "lead")
+            spent += solving
+        descent = Descent(start, case, "sum", GRAM_GRADIENT, seed)
         descent.weight = self.gram_weight()
+        for i, target in targets.items():
+            descent.put(i, target, shares.get(i))
+        begin = time.process_time() - spent
         for until in seconds:
-            with clock:
-                while clock.now() < until:
-                    single = name in ("solved", "single")
-                    if single or (name == "combined" and clock.now() < FIRST * seconds[-1]):
-                        descent.step(descent.next_view(), STEADY)
-                        done += 1
-                        continue
-                    view = case.views[int(torch.randint(len(case.views), (), generator=chance))]
-                    now = descent.picture(view).detach().clamp(0, 1)
-                    shown = now if name == REPAINT else case.unedited[view]
-                    descent.put(view, self.paint(self.painter, [shown])[0])
-                    edits += 1
-                    for _ in range(ROUND):
-                        descent.step(descent.any_view(), STEADY)
-                    done += ROUND
-            yield Work(descent.scene, clock.spent, done, edits)
+            while (now := time.process_time() - begin) < until:
+                if name in ("solved", "single") or (
+                    name == "combined" and now < FIRST * seconds[-1]
+                ):
+                    descent.step(descent.next_view(), STEADY)
+                    steps += 1
+                    continue
+                view = case.views[int(torch.randint(len(case.views), (), generator=chance))]
+                shown = case.unedited[view]
+                if name == REPAINT:
+                    shown = descent.drawn(view).now(descent.change).detach().clamp(0, 1)
+                descent.put(view, self.paint(self.painter, [shown])[0])
+                edits += 1
+                for _ in range(ROUND):
+                    descent.step(descent.any_view(), STEADY)
+                steps += ROUND
+            spent = time.process_time() - begin
+            yield Work(descent.scene, spent, steps, edits)
+            begin = time.process_time() - spent
 
     def _gram_weight(self) -> float:
         """Lambda of BASE's first step, of every strategy."""
@@ -261,47 +262,26 @@ class Bench:
         return descent.weight
 
 
-class Clock:
-    """Processor seconds of the stretches in `with`."""
-
-    def __init__(self) -> None:
-        self.spent, self._begin = 0.0, 0.0
-
-    def __enter__(self) -> None:
-        self._begin = time.process_time()
-
-    def __exit__(self, *_: object) -> None:
-        self.spent = self.now()
-
-    def now(self) -> float:
-        """Seconds so far, within a stretch."""
-        return self.spent + time.process_time() - self._begin
-
-
 class Descent:
-    """Base colors that descend a loss by Adam, a whole view a step, geometry fixed: a picture is
-    linear in them."""
+    """Base colors that descend a loss by Adam, a whole view a step, as `stroke_steps` does."""
 
     def __init__(self, scene: Gaussians, case: Case, loss: Loss, ratio: float, seed: int) -> None:
-        self._scene, self.case, self.loss, self.ratio = scene, case, loss, ratio
+        self._start, self.case, self.loss, self.ratio = scene, case, loss, ratio
         self.weight: float | None = None
+        """That of the Gram loss; None: by the ratio, at the first step."""
         self.change = torch.zeros_like(scene.means, requires_grad=True)
         self._adam = torch.optim.Adam([self.change], RATE, MOMENTS)
         self._chance = torch.Generator().manual_seed(seed)
-        self._targets: dict[int, Tensor] = {}
-        self._shares: dict[int, Tensor] = {}
-        self._grams: dict[int, list[Tensor]] = {}
-        self._linear: dict[int, tuple[ColorWeights, Tensor]] = {}
+        self._targets: dict[int, tuple[Tensor, Tensor]] = {}
+        self._drawn: dict[int, Drawn] = {}
         self._order: list[int] = []
-        self._bank = FilterBank()
 
     def put(
         self, i: int, target: Float[Tensor, "h w 3"], share: Float[Tensor, "h w"] | None = None
     ) -> None:
         """Make this the target of a view, with weights of pixels."""
-        self._targets[i] = target
-        self._shares[i] = target.new_ones(1, 1, 1) if share is None else share[..., None]
-        self._grams.pop(i, None)
+        self._targets[i] = target, torch.ones_like(target[..., 0]) if share is None else share
+        self._drawn.pop(i, None)
 
     def next_view(self) -> int:
         """A view, each once before any again."""
@@ -315,76 +295,46 @@ class Descent:
         views = list(self._targets)
         return views[int(torch.randint(len(views), (), generator=self._chance))]
 
-    def picture(self, i: int) -> Float[Tensor, "h w 3"]:
-        """The picture of a view as the scene is now."""
-        if i not in self._linear:
-            camera = self.case.cameras[i]
+    def drawn(self, i: int) -> Drawn:
+        """The target of a view, and how its picture depends on colors."""
+        if i not in self._drawn:
+            (target, share), camera = self._targets[i], self.case.cameras[i]
             with torch.no_grad():
-                before = render(self._scene, camera).color
-            self._linear[i] = color_weights(self._scene, camera), before
-        weights, before = self._linear[i]
-        return before + _Picture.apply(self.change, weights)
+                before = render(self._start, camera).color
+            view = View(str(i), camera, target)
+            self._drawn[i] = Drawn(self._start, view, before, share, BANK)
+        return self._drawn[i]
 
     def step(self, i: int, rate: float) -> None:
         """One step on a view."""
-        now, target, share = self.picture(i), self._targets[i], self._shares[i]
-        if self.loss == "l1+perceptual":
-            distance = perceptual_distance()
-            assert distance is not None
-            loss = (share * (now - target).abs()).mean() + distance(now, target)
-        else:
-            loss = self._sum(i, now, (share * (now - target)).square().mean())
         self._adam.zero_grad()
-        loss.backward()
+        self._loss(self.drawn(i)).backward()
         self._adam.param_groups[0]["lr"] = rate
         self._adam.step()
 
-    def _sum(self, i: int, now: Tensor, error: Tensor) -> Tensor:
-        """The MSE, the Gram loss relative to the target's own, or both."""
-        if self.loss == "mse":
+    def _loss(self, view: Drawn) -> Tensor:
+        now = view.now(self.change)
+        if self.loss == "l1+perceptual":
+            distance = perceptual_distance()
+            assert distance is not None
+            return (view.share.sqrt() * (now - view.target).abs()).mean() + distance(
+                now, view.target
+            )
+        error = view.error(now)
+        switches = self.loss == "switch" and self.weight is not None
+        if self.loss == "mse" or (switches and torch.rand((), generator=self._chance) < 0.5):
             return error
-        switches = self.weight is not None and self.loss == "switch"
-        if switches and torch.rand((), generator=self._chance) < 0.5:
-            return error
-        if i not in self._grams:
-            with torch.no_grad():
-                self._grams[i] = self._gram(self._targets[i])
-        style = torch.stack(
-            [
-                (own - goal).square().sum() / goal.square().sum().clamp_min(1e-12)
-                for own, goal in zip(self._gram(now), self._grams[i])
-            ]
-        ).sum()
+        style = view.style(now)
         if self.weight is None:
-            sizes = [
-                torch.autograd.grad(each, self.change, retain_graph=True)[0].norm()
-                for each in (error, style)
-            ]
-            self.weight = self.ratio * float(sizes[0] / sizes[1])
-        return self.weight * style if self.loss == "switch" else error + self.weight * style
-
-    def _gram(self, picture: Tensor) -> list[Tensor]:
-        return [gram(each) for each in self._bank(picture.movedim(-1, 0)[None])]
+            self.weight = self.ratio * gradient_ratio(error, style, self.change)
+        return self.weight * style + (0 if self.loss == "switch" else error)
 
     @property
     def scene(self) -> Gaussians:
         """A copy of the scene as it is now."""
-        sh = self._scene.sh.clone()
+        sh = self._start.sh.clone()
         sh[:, 0] += self.change.detach() / SH_DC
-        return replace(self._scene, sh=sh)
-
-
-class _Picture(torch.autograd.Function):
-    """The change of a picture by a change of base colors, which is linear."""
-
-    @staticmethod
-    def forward(ctx, change, weights):  # pyright: ignore
-        ctx.weights = weights
-        return weights.picture(change)
-
-    @staticmethod
-    def backward(ctx, gradient):  # pyright: ignore
-        return ctx.weights.back(gradient.contiguous()), None
+        return replace(self._start, sh=sh)
 
 
 def correspondences(case: Case, views: Sequence[int]) -> Correspondences:

@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from math import exp, log
 from pathlib import Path
-from typing import Literal, NamedTuple
+from statistics import fmean, geometric_mean
+from typing import Any, Literal, NamedTuple
 
 from gsedit.errors import InputError
 from gsedit.measures.interval import Interval, mean_interval
 from gsedit.run.atomic import atomic_path
 from research.figures import LOOKS
 
-Row = Mapping[str, object]
+Row = Mapping[str, Any]
 TEXTS = ("scene", "style", "arm")
-COUNTS = ("seed", "steps", "edits")
 METERS = ("energy", "perceptual", "gram", "likeness", "disagreement", "psnr")
 OF_TARGETS = ("target_energy", "target_disagreement", "blurred_disagreement")
 FIELDS = (*TEXTS, "seed", "at", "seconds", "prepared", "steps", "edits", *METERS, *OF_TARGETS)
@@ -27,50 +26,42 @@ EDIT_PRICE, STEP_PRICE = 7.5, 0.15
 TENFOLD = 10.0
 MOST_SECONDS, LEAST_ENERGY, MOST_PERCEPTUAL = 30.0, 0.5, 0.45
 """The quality that a painted scene is to reach, and in which time."""
-SHARE_OF_CELLS = 10 / 12
-"""Share of the cells in which MSE + Gram must be nearer than MSE."""
 
 
-def number(value: object) -> object:
+def number(value: Any) -> Any:
     """A value as records have it: four decimals of a number."""
     return f"{value:.4f}" if isinstance(value, float) else "" if value is None else value
 
 
-def read_records(path: Path) -> list[dict[str, object]]:
+def read_records(path: Path) -> list[Row]:
     """Records of a CSV file; an empty field is None. Raises InputError for another file."""
     try:
         with path.open(newline="") as file:
-            rows = list(csv.DictReader(file))
-        return [{k: _value(k, row[k]) for k in FIELDS} for row in rows]
+            return [
+                {k: row[k] if k in TEXTS else float(row[k]) if row[k] else None for k in FIELDS}
+                for row in csv.DictReader(file)
+            ]
     except (OSError, KeyError, ValueError, TypeError) as error:
         raise InputError(f"{path}: no records of research.painting ({error!r})") from None
-
-
-def _value(field: str, text: str) -> object:
-    if field in TEXTS:
-        return text
-    if not text:
-        return None
-    return int(text) if field in COUNTS else float(text)
 
 
 class Cells:
     """Records by cell: the mean over seeds of any field of an arm."""
 
     def __init__(self, rows: Sequence[Row]) -> None:
-        self._found: dict[tuple[object, object], dict[tuple[object, object], list[Row]]] = {}
+        self._found: dict[Any, dict[Any, list[Row]]] = {}
         for row in rows:
             cell = self._found.setdefault((row["scene"], row["style"]), {})
             cell.setdefault((row["arm"], row["at"]), []).append(row)
 
-    def __iter__(self):
+    def __iter__(self) -> Iterator[Any]:
         return iter(self._found)
 
-    def value(self, cell: object, arm: str, field: str, at: float | None = None) -> float | None:
+    def value(self, cell: Any, arm: str, field: str, at: float | None = None) -> float | None:
         """The field of an arm in a cell; None where it has none."""
-        rows = self._found[cell].get((arm, at), [])  # type: ignore[index]
-        values = [row[field] for row in rows if row[field] is not None]
-        return sum(map(float, values)) / len(values) if values else None  # type: ignore[arg-type]
+        values = [row[field] for row in self._found[cell].get((arm, at), [])]
+        values = [each for each in values if each is not None]
+        return fmean(values) if values else None
 
     def values(self, arm: str, field: str, at: float | None = None) -> list[float]:
         """The field in every cell that has it."""
@@ -79,9 +70,8 @@ class Cells:
 
     def points(self, arm: str) -> list[float]:
         """Seconds at which a strategy was measured, in any cell."""
-        return sorted(
-            {at for each in self._found.values() for name, at in each if name == arm and at}
-        )
+        keys = {key for cell in self._found.values() for key in cell}
+        return sorted(at for name, at in keys if name == arm and at)
 
 
 class Contrast(NamedTuple):
@@ -98,54 +88,35 @@ class Contrast(NamedTuple):
     other: str = ""
     """The field of the arm that it is compared with, where it is another."""
 
-    def differences(self, cells: Cells) -> list[float]:
-        """Arm less the other arm, in every cell that has both."""
-        found = []
-        for cell in cells:
-            own = cells.value(cell, self.arm, self.field, self.at)
-            theirs = cells.value(cell, self.against, self.other or self.field, self.at)
-            if own is not None and theirs is not None:
-                found.append(own - theirs)
-        return found
-
 
 class Effect(NamedTuple):
-    """The mean of differences over cells."""
+    """The mean over cells of the differences of a contrast, arm less the other arm."""
 
     mean: float
     interval: Interval | None
     cells: int
     agree: int
     """Cells whose difference is on the claim's side, or within the margin."""
-    side: Literal[1, 0, -1]
+    side: int
     """1: the interval is on the claim's side; -1: on the other; 0: neither, or too few cells."""
 
 
 def effect(test: Contrast, cells: Cells) -> Effect | None:
     """The effect of a test; None where no cell has both arms."""
-    found = test.differences(cells)
+    found = []
+    for cell in cells:
+        own = cells.value(cell, test.arm, test.field, test.at)
+        theirs = cells.value(cell, test.against, test.other or test.field, test.at)
+        if own is not None and theirs is not None:
+            found.append(own - theirs)
     if not found:
         return None
-    towards = [test.sign * each + test.margin for each in found]
-    interval, side = mean_interval(found), 0
-    if interval is not None:
-        low, high = sorted(test.sign * end + test.margin for end in interval)
-        side = 1 if low > 0 else -1 if high < 0 else 0
-    agree = sum(each > 0 for each in towards)
-    return Effect(sum(found) / len(found), interval, len(found), agree, side)
-
-
-def verdict(effects: Sequence[Effect | None]) -> Verdict:
-    """The verdict of a claim by the effects of all its tests."""
-    known = [each for each in effects if each is not None and each.interval is not None]
-    if len(known) < len(effects) or not known:
-        return "not judged"
-    sides = [each.side for each in known]
-    if min(sides) == 1:
-        return "seen"
-    if max(sides) == 1:
-        return "in part"
-    return "opposite seen" if min(sides) == -1 else "not seen"
+    span, side = mean_interval(found), 0
+    if span is not None:
+        low, high = sorted(test.sign * end + test.margin for end in span)
+        side = int(low > 0) - int(high < 0)
+    agree = sum(test.sign * each + test.margin > 0 for each in found)
+    return Effect(fmean(found), span, len(found), agree, side)
 
 
 @dataclass(frozen=True)
@@ -154,6 +125,8 @@ class Claim:
 
     text: str
     tests: tuple[Contrast, ...] = ()
+    least: float = 0.0
+    """Share of the cells that must be on the claim's side in every test."""
     special: Callable[[Cells], tuple[Verdict, str]] | None = None
 
     def judge(self, cells: Cells) -> tuple[Verdict, str]:
@@ -161,113 +134,83 @@ class Claim:
         if self.special:
             return self.special(cells)
         effects = [effect(test, cells) for test in self.tests]
-        numbers = [_said(*each) for each in zip(self.tests, effects)]
-        return verdict(effects), "; ".join(numbers)
+        numbers = "; ".join(_said(*each) for each in zip(self.tests, effects))
+        known = [each for each in effects if each is not None and each.interval is not None]
+        if len(known) < len(effects):
+            return "not judged", numbers
+        sides = [each.side for each in known]
+        if min(sides) == 1 and all(each.agree >= self.least * each.cells for each in known):
+            return "seen", numbers
+        if max(sides) == 1:
+            return "in part", numbers
+        return ("opposite seen" if min(sides) == -1 else "not seen"), numbers
 
 
 def _said(test: Contrast, found: Effect | None) -> str:
-    against = f"its {test.other}" if test.other else test.against
+    against = "only blurred" if test.other else test.against
     what = f"{test.field}, {test.arm} less {against}" + (f" at {test.at:g} s" if test.at else "")
+    what = what.replace("target_", "target ")
     if found is None:
         return f"{what}: none"
     digits = 2 if abs(found.mean) >= 0.1 else 3
-    span = ""
-    if found.interval:
-        low, high = found.interval
-        span = f" ({low:+.{digits}f} to {high:+.{digits}f})"
+    ends = [f"{end:+.{digits}f}" for end in found.interval or ()]
+    span = f" ({' to '.join(ends)})" if ends else ""
     return f"{what}: {found.mean:+.{digits}f}{span}, {found.agree} of {found.cells} cells"
-
-
-def cost(row_edits: float, row_steps: float) -> float:
-    """Seconds at the paper's prices."""
-    return EDIT_PRICE * row_edits + STEP_PRICE * row_steps
 
 
 def factors(cells: Cells, paper: bool) -> list[tuple[float, bool]]:
     """In each cell, the cost by which the iterative update reaches what the single pass has first
     reached, over that one's; and whether it does, or the factor is only a least one."""
     found = []
-    points, own = cells.points("iterative"), cells.points("single")[:1]
 
-    def price(cell: object, arm: str, at: float) -> float | None:
-        if not paper:
-            return cells.value(cell, arm, "seconds", at)
-        edits, steps = (cells.value(cell, arm, field, at) for field in ("edits", "steps"))
-        return None if edits is None or steps is None else cost(edits, steps)
+    def price(cell: Any, arm: str, at: float) -> float:
+        of = {k: cells.value(cell, arm, k, at) or 0.0 for k in ("seconds", "edits", "steps")}
+        return EDIT_PRICE * of["edits"] + STEP_PRICE * of["steps"] if paper else of["seconds"]
 
     for cell in cells:
-        for first in own:
-            goal, base = (
-                cells.value(cell, "single", "perceptual", first),
-                price(cell, "single", first),
-            )
-            known = [(at, cells.value(cell, "iterative", "perceptual", at)) for at in points]
-            known = [(at, value) for at, value in known if value is not None]
-            if goal is None or base is None or not known:
-                continue
-            reached = [at for at, value in known if value <= goal]
-            last = price(cell, "iterative", reached[0] if reached else known[-1][0])
-            if last is not None:
-                found.append((last / base, bool(reached)))
+        curve = [(at, cells.value(cell, "iterative", "perceptual", at))
+                 for at in cells.points("iterative")]  # fmt: skip
+        curve = [(at, value) for at, value in curve if value is not None]
+        for first in cells.points("single")[:1]:
+            goal = cells.value(cell, "single", "perceptual", first)
+            if goal is not None and curve:
+                reached = [at for at, value in curve if value <= goal]
+                last = price(cell, "iterative", reached[0] if reached else curve[-1][0])
+                found.append((last / price(cell, "single", first), bool(reached)))
     return found
 
 
 def judge_tenfold(cells: Cells) -> tuple[Verdict, str]:
     """Whether the single pass is ten times as fast, at the paper's prices and at ours."""
-    words, verdicts = [], []
+    words, verdicts = [], set[Verdict]()
     for name, paper in (("at the paper's prices", True), ("in processor seconds", False)):
         found = factors(cells, paper)
         if not found:
             return "not judged", "none"
-        mean = exp(sum(log(each) for each, _ in found) / len(found))
-        reached = sum(each for _, each in found)
-        least = "" if reached == len(found) else "at least "
-        words.append(f"{least}{mean:.1f} times {name} (reached in {reached} of {len(found)} cells)")
-        if mean >= TENFOLD:
-            verdicts.append("seen")
-        else:
-            verdicts.append("not reached" if reached == len(found) else "not judged")
-    return (verdicts[0] if len({*verdicts}) == 1 else "not judged"), "; ".join(words)
-
-
-def judge_gram(cells: Cells) -> tuple[Verdict, str]:
-    """Whether MSE + Gram is nearer than MSE by both meters, and in enough cells."""
-    tests = tuple(Contrast(field, "base", "mse", -1) for field in ("perceptual", "gram"))
-    effects = [effect(test, cells) for test in tests]
-    found = verdict(effects)
-    enough = all(each and each.agree >= SHARE_OF_CELLS * each.cells for each in effects)
-    words = "; ".join(_said(*each) for each in zip(tests, effects))
-    return ("in part" if found == "seen" and not enough else found), words
+        mean, reached = geometric_mean([each for each, _ in found]), sum(r for _, r in found)
+        every = reached == len(found)
+        words.append(f"{'' if every else 'at least '}{mean:.1f} times {name} (reached in "
+                     f"{reached} of {len(found)} cells)")  # fmt: skip
+        verdicts.add("seen" if mean >= TENFOLD else "not reached" if every else "not judged")
+    return verdicts.pop() if len(verdicts) == 1 else "not judged", "; ".join(words)
 
 
 def judge_style(cells: Cells) -> tuple[Verdict, str]:
     """Whether a scene is painted well enough in the paper's time."""
-    parts = []
+    spent = zip(cells.values("base", "seconds"), cells.values("base", "prepared"))
+    seconds = [sum(each) for each in spent]
+    words, done = [], [max(seconds, default=0) <= MOST_SECONDS]
     for field, goal, sign in (("energy", LEAST_ENERGY, 1), ("perceptual", MOST_PERCEPTUAL, -1)):
         values = cells.values("base", field)
         span = mean_interval(values)
-        if span is None:
+        if span is None or not seconds:
             return "not judged", "too few cells"
-        reached = (span[0] >= goal) if sign == 1 else (span[1] <= goal)
-        cells_there = sum(sign * (value - goal) >= 0 for value in values)
-        mean = sum(values) / len(values)
-        parts.append(
-            (
-                reached,
-                f"{field} {mean:.2f} ({span[0]:.2f} to {span[1]:.2f}), "
-                f"{cells_there} of {len(values)} cells",
-            )
-        )
-    seconds = [
-        own + (cells.value(cell, "base", "prepared") or 0)
-        for cell in cells
-        if (own := cells.value(cell, "base", "seconds")) is not None
-    ]
-    if not seconds:
-        return "not judged", "no seconds"
-    quick = max(seconds) <= MOST_SECONDS
-    words = f"{min(seconds):.1f} to {max(seconds):.1f} s; " + "; ".join(text for _, text in parts)
-    return ("seen" if quick and all(done for done, _ in parts) else "not reached"), words
+        done.append(min(sign * (end - goal) for end in span) >= 0)
+        there = sum(sign * (value - goal) >= 0 for value in values)
+        words.append(f"{field} {fmean(values):.2f} ({span[0]:.2f} to {span[1]:.2f}), "
+                     f"{there} of {len(values)} cells")  # fmt: skip
+    words = [f"{min(seconds):.1f} to {max(seconds):.1f} s", *words]
+    return ("seen" if all(done) else "not reached"), "; ".join(words)
 
 
 END = 20.0
@@ -295,7 +238,9 @@ CLAIMS = (
     Claim("Single pass, then iterative, is best", tuple(
         Contrast("perceptual", "combined", other, -1, END) for other in ("single", "iterative")
     )),
-    Claim("MSE + Gram keeps the style where views contradict each other", special=judge_gram),
+    Claim("MSE + Gram keeps the style where views contradict each other", tuple(
+        Contrast(field, "base", "mse", -1) for field in ("perceptual", "gram")
+    ), least=10 / 12),
     Claim("... by a random switch between the two losses", tuple(
         Contrast(field, "switch", "mse", -1) for field in ("perceptual", "gram")
     )),
@@ -319,7 +264,6 @@ OWN = (
         Contrast("target_disagreement", "base", "statistics alone", -1),
         Contrast("perceptual", "base", "statistics alone", -1),
     )),
-    Claim("Planned views for random ones", (Contrast("perceptual", "base", "random", -1),)),
     Claim("Solved, not descended from the unedited scene", (
         Contrast("perceptual", "solve", "adam mse", -1), Contrast("energy", "solve", "adam mse", 1),
     )),
@@ -354,58 +298,28 @@ def report(rows: Sequence[Row]) -> str:
 
 
 def _mean(values: Sequence[float]) -> str:
-    return f"{sum(values) / len(values):.3f}" if values else ""
+    return f"{fmean(values):.3f}" if values else ""
 
 
 STRATEGIES = ("solved", "single", "iterative", "combined")
-BLOCKS = ("base", "agree in 1", "agree in 3", "agree in 6")
-FITS = ("unedited", "solve", "lead", "mse", "ratio 1", "ratio 3", "base", "switch", "l1+perceptual")
+RACED = ("single", "iterative", "combined")
+"""Strategies of the curves: their means are over the cells that have all of them."""
+BLOCKS = {"base": 0, "agree in 1": 1, "agree in 3": 3, "agree in 6": 6}
+FITS = ("solve", "mse", "ratio 1", "ratio 3", "base", "switch", "l1+perceptual", "adam mse")
 
 
 def draw(rows: Sequence[Row], path: Path) -> None:
-    """Write a PNG of four panels: T_end, the losses, and two curves over seconds."""
+    """Write a PNG of four panels: T_end, the fits, and two curves over seconds."""
     from matplotlib.figure import Figure  # not pyplot: no global state, no window system
 
     cells = Cells(rows)
-    figure = Figure(figsize=(11, 7), dpi=100, layout="constrained")
-    (ends, losses), (near, like) = figure.subplots(2, 2)
-    ends.set(title="agreement ends after so many blocks (figure 5)", xlabel="residual blocks")
-    for (field, label), (color, marker) in zip(
-        (("target_energy", "energy of painted views"),
-         ("target_disagreement", "disagreement of painted views"),
-         ("blurred_disagreement", "the same, only blurred as much")), LOOKS,
-    ):  # fmt: skip
-        points = [
-            (int(arm.split()[-1]) if arm != "base" else 0, found)
-            for arm in BLOCKS
-            if (found := _relative(cells, arm, field)) is not None
-        ]
-        if points:
-            ends.plot(*zip(*points), color=color, marker=marker, label=label)
-    ends.set_ylabel("over that of 0 blocks")
-    losses.set(title="fits, and losses (figure 11)", xlabel="energy", ylabel="perceptual distance")
-    for name, (color, marker) in zip(FITS, LOOKS):
-        across, up = cells.values(name, "energy"), cells.values(name, "perceptual")
-        if across and up:
-            x, y = sum(across) / len(across), sum(up) / len(up)
-            errors = [[[m - s[0]], [s[1] - m]] if (s := mean_interval(v)) else None
-                      for m, v in ((x, across), (y, up))]  # fmt: skip
-            label = (
-                "mse + gram, ratio 10" if name == "base" else name.replace("ratio", "+ gram, ratio")
-            )
-            losses.errorbar(x, y, errors[1], errors[0], color=color, marker=marker, label=label,
-                            elinewidth=0.5)  # fmt: skip
-    for panel, field, title in (
-        (near, "perceptual", "perceptual distance (figures 8, 10)"),
-        (like, "likeness", "likeness to the style (figure 9)"),
-    ):
-        panel.set(title=title, xlabel="processor seconds", ylabel=field)
-        for name, (color, marker) in zip((*STRATEGIES, "repaint"), LOOKS):
-            points = [(at, cells.values(name, field, at)) for at in cells.points(name)]
-            if points:
-                line = [(at, sum(values) / len(values)) for at, values in points]
-                panel.plot(*zip(*line), color=color, marker=marker, label=name)
-    for panel in (ends, losses, near, like):
+    figure = Figure(figsize=(11, 7), dpi=90, layout="constrained")
+    panels = figure.subplots(2, 2).flatten()
+    _draw_ends(panels[0], cells)
+    _draw_fits(panels[1], cells)
+    _draw_curves(panels[2], cells, "perceptual", "distance to the truth (figures 8, 10)")
+    _draw_curves(panels[3], cells, "likeness", "likeness to the style (figure 9)")
+    for panel in panels:
         panel.grid(which="major", color="#dddddd", linewidth=0.7)
         if panel.get_legend_handles_labels()[0]:
             panel.legend(fontsize=8)
@@ -413,13 +327,62 @@ def draw(rows: Sequence[Row], path: Path) -> None:
         figure.savefig(temporary, format="png")
 
 
-def _relative(cells: Cells, arm: str, field: str) -> float | None:
-    """Mean over cells of a field over BASE's own; BASE's pictures, not blurred, are its control."""
-    own_field = "target_disagreement" if field == "blurred_disagreement" else field
-    pairs = [
-        (cells.value(cell, arm, field if arm != "base" else own_field),
-         cells.value(cell, "base", own_field))
-        for cell in cells
-    ]  # fmt: skip
-    shares = [own / base for own, base in pairs if own is not None and base]
-    return sum(shares) / len(shares) if shares else None
+def _draw_ends(panel: Any, cells: Cells) -> None:
+    panel.set(title="agreement ends after so many blocks (figures 5, 6)")
+    panel.set(xlabel="residual blocks", ylabel="over that of 0 blocks")
+    lines = (
+        ("target_energy", "target_energy", "energy of painted views"),
+        ("target_disagreement", "target_disagreement", "disagreement of painted views"),
+        ("blurred_disagreement", "target_disagreement", "the same, only blurred as much"),
+    )
+    for (field, base, label), (color, marker) in zip(lines, LOOKS):
+        points = [(0, 1.0)]
+        for arm, blocks in list(BLOCKS.items())[1:]:
+            found = [(cells.value(c, arm, field), cells.value(c, "base", base)) for c in cells]
+            shares = [own / of for own, of in found if own is not None and of]
+            points += [(blocks, fmean(shares))] if shares else []
+        panel.plot(*zip(*points), color=color, marker=marker, label=label)
+
+
+def _draw_fits(panel: Any, cells: Cells) -> None:
+    panel.set(title="fits and losses, less lead (figure 11)")
+    panel.set(xlabel="energy", ylabel="perceptual distance")
+    panel.plot(0, 0, "k+", label="lead")
+    for name, (color, marker) in zip(FITS, LOOKS):
+        x, y = (effect(Contrast(f, name, "lead", 1), cells) for f in ("energy", "perceptual"))
+        if x is None or y is None:
+            continue
+        spans = [
+            None if e.interval is None
+            else [[e.mean - e.interval[0]], [e.interval[1] - e.mean]] for e in (x, y)
+        ]  # fmt: skip
+        label = "ratio 10" if name == "base" else name
+        look = {"color": color, "marker": marker, "elinewidth": 0.5, "linestyle": ""}
+        label = label.replace("ratio", "mse + gram,")
+        panel.errorbar(x.mean, y.mean, spans[1], spans[0], label=label, **look)
+
+
+def _draw_curves(panel: Any, cells: Cells, field: str, title: str) -> None:
+    panel.set(title=title, xlabel="processor seconds", ylabel=field)
+    at = cells.points("single")
+    every = [(name, seconds) for name in RACED for seconds in at]
+    raced = [c for c in cells if all(cells.value(c, *_keyed(k, field)) is not None for k in every)]
+    for name, (color, marker) in zip((*RACED, "solved", "repaint"), LOOKS):
+        points = [
+            (seconds, fmean(values))
+            for seconds in at
+            if raced and None not in (
+                values := [cells.value(c, name, field, seconds) for c in raced]
+            )
+        ]  # fmt: skip
+        if points:
+            panel.plot(*zip(*points), color=color, marker=marker, label=name)
+    values = [(cells.value(c, "base", "seconds"), cells.value(c, "base", field)) for c in raced]
+    values = [(x, y) for x, y in values if x is not None and y is not None]
+    if values:
+        x, y = map(fmean, zip(*values))
+        panel.plot(x, y, "k*", markersize=10, label=f"gsedit's default ({len(values)} cells)")
+
+
+def _keyed(key: tuple[str, float], field: str) -> tuple[str, str, float]:
+    return key[0], field, key[1]

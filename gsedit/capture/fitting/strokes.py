@@ -85,7 +85,7 @@ def stroke_steps(
     `pictures` show the scene as it is at the targets; `shares` are the weights of pixels in the
     MSE. The Gram loss is relative to the targets' own: a sum over layers.
     """
-    drawn = [_Drawn(scene, *each, features, execution) for each in zip(targets, pictures, shares)]
+    drawn = [Drawn(scene, *each, features, execution) for each in zip(targets, pictures, shares)]
     change = torch.zeros_like(scene.means, requires_grad=True)
     optimizer = torch.optim.Adam([change], RATE, MOMENTS)
     weight, threads, order = None, StepThreads(), list[int]()
@@ -93,9 +93,10 @@ def stroke_steps(
         order = order or torch.randperm(len(drawn), generator=generator).tolist()
         view = drawn[order.pop()]
         with threads.step():
-            error, style = view.losses(change * inside[:, None])
+            now = view.now(change * inside[:, None])
+            error, style = view.error(now), view.style(now)
             if weight is None:
-                weight = GRAM_GRADIENT * _ratio(error, style, change)
+                weight = GRAM_GRADIENT * gradient_ratio(error, style, change)
             loss = error + weight * style
             optimizer.zero_grad()
             loss.backward()
@@ -107,7 +108,9 @@ def stroke_steps(
     yield replace(scene, sh=sh)
 
 
-def _ratio(error: Tensor, style: Tensor, change: Tensor) -> float:
+def gradient_ratio(
+    error: Float[Tensor, ""], style: Float[Tensor, ""], change: Float[Tensor, "n 3"]
+) -> float:
     """Size of the gradient of the error over that of the style; 0 where there is no style."""
     sizes = [
         torch.autograd.grad(each, change, retain_graph=True)[0].norm() for each in (error, style)
@@ -115,7 +118,7 @@ def _ratio(error: Tensor, style: Tensor, change: Tensor) -> float:
     return float(sizes[0] / sizes[1]) if sizes[1] > 0 else 0.0
 
 
-class _Drawn:
+class Drawn:
     """A target, and how its picture depends on base colors."""
 
     def __init__(
@@ -125,7 +128,7 @@ class _Drawn:
         picture: Float[Tensor, "h w 3"],
         share: Float[Tensor, "h w"],
         features: FeatureExtractor,
-        execution: Execution,
+        execution: Execution = AUTO,
     ) -> None:
         self.weights = color_weights(scene, target.camera, execution=execution)
         self.picture, self.target, self.features = picture, target.image, features
@@ -133,16 +136,22 @@ class _Drawn:
         with torch.no_grad():
             self.grams = [gram(each) for each in features(_channels_first(target.image))]
 
-    def losses(self, change: Float[Tensor, "n 3"]) -> tuple[Float[Tensor, ""], Float[Tensor, ""]]:
-        """(MSE, distance of Gram matrices) of the picture with colors changed by so much."""
-        now = self.picture + _Picture.apply(change, self.weights)
-        error = (self.share * (now - self.target).square()).mean()
+    def now(self, change: Float[Tensor, "n 3"]) -> Float[Tensor, "h w 3"]:
+        """The picture with base colors changed by so much, not clamped."""
+        return self.picture + _Picture.apply(change, self.weights)
+
+    def error(self, now: Float[Tensor, "h w 3"]) -> Float[Tensor, ""]:
+        """MSE of such a picture to the target, by the weights of pixels."""
+        return (self.share * (now - self.target).square()).mean()
+
+    def style(self, now: Float[Tensor, "h w 3"]) -> Float[Tensor, ""]:
+        """Distance of its Gram matrices to the target's, relative to these."""
         own = [gram(each) for each in self.features(_channels_first(now))]
         style = [
             (ours - goal).square().sum() / goal.square().sum().clamp_min(1e-12)
             for ours, goal in zip(own, self.grams, strict=True)
         ]
-        return error, torch.stack(style).sum()
+        return torch.stack(style).sum()
 
 
 class _Picture(torch.autograd.Function):
