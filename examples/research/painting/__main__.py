@@ -138,7 +138,7 @@ class Recorder:
         """Append a record: it is on disk before the next task."""
         fresh = not self.path.is_file()
         with self.path.open("a", newline="") as file:
-            writer = csv.DictWriter(file, FIELDS)
+            writer = csv.DictWriter(file, list[str](FIELDS))
             if fresh:
                 writer.writeheader()
             writer.writerow({key: number(value) for key, value in row.items()})

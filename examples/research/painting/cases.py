@@ -91,7 +91,7 @@ def load_case(path: Path) -> Case:
     unedited = {i: render_picture(scene, cameras[i]) for i in planned}
     seconds = time.process_time() - start
     unedited |= {i: render_picture(scene, c) for i, c in enumerate(cameras) if i not in unedited}
-    near = sorted({tuple(sorted(pair)) for i in held for pair in _nearest(i, cameras)})
+    near = sorted({(min(i, j), max(i, j)) for i in held for j in _nearest(i, cameras)})
     among = matchable(planned, cameras)
     matches, sizes = _matches(scene, cameras, sorted({*near, *among}))
     return Case(
@@ -102,9 +102,9 @@ def load_case(path: Path) -> Case:
     )  # fmt: skip
 
 
-def _nearest(i: int, cameras: Sequence[Camera]) -> list[tuple[int, int]]:
+def _nearest(i: int, cameras: Sequence[Camera]) -> list[int]:
     apart = [float((c.center - cameras[i].center).norm()) for c in cameras]
-    return [(i, j) for j in sorted(range(len(cameras)), key=apart.__getitem__)[1 : NEAREST + 1]]
+    return sorted(range(len(cameras)), key=apart.__getitem__)[1 : NEAREST + 1]
 
 
 def _matches(

@@ -17,7 +17,8 @@ from research.figures import LOOKS
 Row = Mapping[str, Any]
 TEXTS = ("scene", "style", "arm")
 METERS = ("energy", "perceptual", "gram", "likeness", "disagreement", "psnr")
-OF_TARGETS = ("target_energy", "target_disagreement", "blurred_disagreement")
+BLURRED = "blurred_disagreement"
+OF_TARGETS = ("target_energy", "target_disagreement", BLURRED)
 FIELDS = (*TEXTS, "seed", "at", "seconds", "prepared", "steps", "edits", *METERS, *OF_TARGETS)
 Verdict = Literal["seen", "in part", "not seen", "opposite seen", "not reached", "not judged"]
 
@@ -217,7 +218,7 @@ END = 20.0
 CLAIMS = (
     Claim("Averaging corresponding features makes the edited views agree", (
         Contrast("target_disagreement", "agree in 6", "base", -1),
-        Contrast("target_disagreement", *("agree in 6",) * 2, -1, other="blurred_disagreement"),
+        Contrast("target_disagreement", "agree in 6", "agree in 6", -1, None, 0.0, BLURRED),
     )),
     Claim("Averaging to the end blurs; ending it early (T_end) avoids that", (
         Contrast("target_energy", "agree in 6", "agree in 1", -1),
@@ -333,7 +334,7 @@ def _draw_ends(panel: Any, cells: Cells) -> None:
     lines = (
         ("target_energy", "target_energy", "energy of painted views"),
         ("target_disagreement", "target_disagreement", "disagreement of painted views"),
-        ("blurred_disagreement", "target_disagreement", "the same, only blurred as much"),
+        (BLURRED, "target_disagreement", "the same, only blurred as much"),
     )
     for (field, base, label), (color, marker) in zip(lines, LOOKS):
         points = [(0, 1.0)]
@@ -365,24 +366,19 @@ def _draw_fits(panel: Any, cells: Cells) -> None:
 def _draw_curves(panel: Any, cells: Cells, field: str, title: str) -> None:
     panel.set(title=title, xlabel="processor seconds", ylabel=field)
     at = cells.points("single")
-    every = [(name, seconds) for name in RACED for seconds in at]
-    raced = [c for c in cells if all(cells.value(c, *_keyed(k, field)) is not None for k in every)]
+    curves = {
+        (c, name): [cells.value(c, name, field, seconds) for seconds in at]
+        for c in cells
+        for name in (*RACED, "solved", "repaint")
+    }
+    raced = [c for c in cells if all(None not in curves[c, name] for name in RACED)]
     for name, (color, marker) in zip((*RACED, "solved", "repaint"), LOOKS):
-        points = [
-            (seconds, fmean(values))
-            for seconds in at
-            if raced and None not in (
-                values := [cells.value(c, name, field, seconds) for c in raced]
-            )
-        ]  # fmt: skip
-        if points:
-            panel.plot(*zip(*points), color=color, marker=marker, label=name)
+        lines = [curves[c, name] for c in raced if None not in curves[c, name]]
+        if lines and len(lines) == len(raced):
+            means = [fmean(filter(None, column)) for column in zip(*lines)]
+            panel.plot(at, means, color=color, marker=marker, label=name)
     values = [(cells.value(c, "base", "seconds"), cells.value(c, "base", field)) for c in raced]
     values = [(x, y) for x, y in values if x is not None and y is not None]
     if values:
         x, y = map(fmean, zip(*values))
         panel.plot(x, y, "k*", markersize=10, label=f"gsedit's default ({len(values)} cells)")
-
-
-def _keyed(key: tuple[str, float], field: str) -> tuple[str, str, float]:
-    return key[0], field, key[1]
