@@ -59,7 +59,8 @@ def read_steps(
 def steps_of(instruction: Instruction) -> tuple[Instruction, ...]:
     """Steps that an instruction takes, in order; itself where exact routes do all.
 
-    Changes beside each other that exact routes do are one step, and each style is one. Raises
+    Changes beside each other that exact routes do are one step, and so are styles of one part,
+    which are mixed. Raises
     UsageError for an instruction that is refused, and for a look that nothing here draws.
     """
     if not instruction.known:
@@ -67,9 +68,8 @@ def steps_of(instruction: Instruction) -> tuple[Instruction, ...]:
     changes = instruction.changes
     if lost := next((c for c in changes if c.route not in (*EXACT_ROUTES, STYLE)), None):
         raise UsageError(no_style(lost.name))
-    numbered = enumerate(changes)
-    kinds = groupby(numbered, lambda each: -1 if each[1].route in EXACT_ROUTES else each[0])
-    groups = [tuple(change for _, change in group) for _, group in kinds]
+    kinds = groupby(changes, lambda each: "" if each.route in EXACT_ROUTES else key_of(each))
+    groups = [tuple(group) for _, group in kinds]
     if is_exact(instruction):
         return (instruction,)
     return tuple(

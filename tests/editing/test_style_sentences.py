@@ -132,10 +132,10 @@ def test_what_is_not_drawn_is_refused_with_the_next_move(sentence, how, told):
 @pytest.mark.parametrize(
     ("sentence", "told"),
     [
-        ("a woodcut, and the background a mosaic", "two styles"), ("paint it red", "no painting"),
+        ("a woodcut, and the background a mosaic", "several parts"), ("paint it red", "no painting"),
         ("not a woodcut", "must not"), ("as pixel art", "nearest are"), ("", "empty"),
     ],
 )  # fmt: skip
-def test_the_painter_paints_one_style(sentence, told):
+def test_the_painter_paints_one_part(sentence, told):
     with pytest.raises(UsageError, match=told):
         make_editor().check(sentence)
