@@ -132,7 +132,8 @@ def test_what_is_not_drawn_is_refused_with_the_next_move(sentence, how, told):
 @pytest.mark.parametrize(
     ("sentence", "told"),
     [
-        ("a woodcut, and the background a mosaic", "several parts"), ("paint it red", "no painting"),
+        ("a woodcut, and the background a mosaic", "several parts"),
+            ("paint it red", "no painting"),
         ("not a woodcut", "must not"), ("as pixel art", "nearest are"), ("", "empty"),
     ],
 )  # fmt: skip
