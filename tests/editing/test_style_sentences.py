@@ -14,6 +14,7 @@ from gsedit.errors import UsageError
 from gsedit.paper.editors import make_editor
 from gsedit.paper.settings import EditSettings
 from gsedit.paper.strategies.single_pass import SinglePass
+from gsedit.scene.picture import render_picture
 from gsedit.select.finder import Finder, Names
 from gsedit.select.saved import save_named
 from gsedit.views.viewpoints import viewpoints_of
@@ -64,6 +65,11 @@ def test_exact_changes_and_styles_go_together(half, named):
     assert [change.route for change in result.understood.changes] == ["material", "style"]
     assert (result.scene.sh != half[0].sh).flatten(1).any(1).all()
     assert {"change", "sample", "measure"} <= set(result.timings)
+    for view in (result.originals[0], result.held_out.originals[0]):  # of before all changes
+        assert torch.equal(view.image, render_picture(half[0], view.camera))
+    assert torch.equal(
+        result.finals[0].image, render_picture(result.scene, result.finals[0].camera)
+    )
 
 
 def test_a_region_is_what_is_painted(half, tmp_path):

@@ -16,7 +16,7 @@ from gsedit.scene.picture import render_picture
 from gsedit.views.around import score_render
 from gsedit.views.dataset import evenly_spaced
 from gsedit.views.viewpoints import Viewpoint
-from gsedit.words.styles import STYLES
+from gsedit.words.lexicon import styles
 from rasterizer.scene import Gaussians
 
 CELL = 256
@@ -44,5 +44,5 @@ def in_every_style(
     Raises InputError where the painter's weights are missing or damaged.
     """
     painter = load_painter()
-    for style in STYLES.values():
-        yield style.name, painted(painter.network, picture[None], painter.styles[style.number])[0]
+    for name, number in styles().items():
+        yield name, painted(painter.network, picture[None], painter.styles[number])[0]
