@@ -130,7 +130,7 @@ def explain_skips(session: Session) -> tuple[Decision, ...]:
         decide_merging(len(request.whole), len(request.scene)),
         decide_views(
             len(plan.views),
-            min(settings.batches * settings.views_per_batch, len(request.views)),
+            min(settings.most_batches * settings.views_per_batch, len(request.views)),
             plan.coverage[-1],
             settings.coverage,
             needs_all=uses_all_views(request.strategy),

@@ -111,8 +111,8 @@ class Capabilities:
     best_size: int | None = None
     """Longer side, pixels, of the pictures that it edits best: larger views are edited at this size
     and the change is carried up. None: any size."""
-    batches: int = 4
-    """Most batches of views, where the settings leave it open."""
+    batches: int | None = None
+    """Most batches of views where the settings leave it open. None: EditSettings.most_batches."""
     enlarges: bool = False
     """Whether smaller views are edited at `best_size` too, and the change is carried down: for
     networks that draw something else at a size that they were not trained at."""

@@ -103,6 +103,11 @@ class EditSettings:
             raise UsageError(f"overlap {self.overlap} is not in [0, 1]")
 
     @property
+    def most_batches(self) -> int:
+        """Most batches of views, where no editor has a number of its own."""
+        return self.batches or 4
+
+    @property
     def solves(self) -> bool:
         """Whether the colors that fit the targets are solved for: only they move, by the MSE."""
         return self.geometry == "appearance" and self.update.is_quadratic

@@ -57,11 +57,11 @@ def _plan(request: Request, weights: Float[Tensor, "v n"]) -> ViewPlan:
     settings, cameras = request.settings, [view.camera for view in request.views]
     if settings.view_plan == "random":
         seed, each = request.generator.initial_seed(), settings.views_per_batch
-        return random_plan(weights, each, settings.batches, seed)
+        return random_plan(weights, each, settings.most_batches, seed)
     return plan_views(
         weights,
         settings.views_per_batch,
-        settings.batches,
+        settings.most_batches,
         settings.coverage if settings.skips("views") else 1.0,
         overlap=settings.overlap,
         whole=wholeness(request.scene.means, cameras, weights),

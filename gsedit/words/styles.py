@@ -28,15 +28,15 @@ GIVEN = Style(LIKE, None)
 """The style of a picture that is given beside the sentence."""
 
 
-def style_asked(sentence: str) -> Style:
-    """The one style that a sentence asks for, `GIVEN` for "in the style of this picture".
+def styles_asked(sentence: str) -> tuple[Style, ...]:
+    """The styles that a sentence asks for, to be mixed; `GIVEN` for "in the style of this picture".
 
-    Raises UsageError for a sentence that asks for two, for something else, or is refused.
+    Raises UsageError for a sentence that asks for something else, or is refused.
     """
     read = read_instruction(sentence)
     part, _, told = sentence.rpartition(" in the style of ")
     if not read.known and told in STYLES and not any(w.kind in NEGATIONS for w in scanned(part)):
-        return STYLES[told]  # of a part whose name only the scene knows
+        return (STYLES[told],)  # of a part whose name only the scene knows
     if not read.known:
         raise UsageError(f"{sentence.strip()!r}: {read.why}")
     others = [change for change in read.changes if change.route != "style"]
@@ -47,7 +47,5 @@ def style_asked(sentence: str) -> Style:
             f"{others[0]}: this is no painting style, and is done without a 2D editor: leave "
             "--editor out"
         )
-    style, *more = dict.fromkeys(change.name for change in read.changes)
-    if more:
-        raise UsageError(f"{sentence.strip()!r} asks for two styles: say one")
-    return GIVEN if style == LIKE else STYLES[style]
+    names = dict.fromkeys(change.name for change in read.changes)
+    return tuple(GIVEN if name == LIKE else STYLES[name] for name in names)

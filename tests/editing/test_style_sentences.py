@@ -20,7 +20,7 @@ from gsedit.select.saved import save_named
 from gsedit.views.viewpoints import viewpoints_of
 from gsedit.words.lexicon import styles
 from gsedit.words.read import read_instruction
-from gsedit.words.styles import GIVEN, STYLES, style_asked
+from gsedit.words.styles import GIVEN, STYLES, styles_asked
 
 PARTS = ("the whole scene", "the subject", "the background", "the red one", "all but the red chair")
 
@@ -97,16 +97,17 @@ def test_a_preview_paints_its_part_alone(half, named):
 def test_what_a_step_is_called_asks_for_its_style(name):
     for part in PARTS:
         words = f"{part} in the style of {name}"
-        assert style_asked(words) == STYLES.get(name, GIVEN)
+        assert styles_asked(words) == (STYLES.get(name, GIVEN),)
         assert [str(change) for change in read_instruction(words).changes] == [
             words.replace("all but", "everything but")
         ]
 
 
 def test_a_name_that_only_the_scene_knows_does_not_hide_the_style():
-    assert style_asked("everything but the left leg in the style of woodcut").name == "woodcut"
+    asked = styles_asked("everything but the left leg in the style of woodcut")
+    assert [style.name for style in asked] == ["woodcut"]
     with pytest.raises(UsageError):
-        style_asked("do not paint the left leg in the style of woodcut")
+        styles_asked("do not paint the left leg in the style of woodcut")
 
 
 def test_every_style_is_a_step_with_words_of_its_own():

@@ -17,7 +17,7 @@ from research.paper.measure import run_to_file, settings_of, strategy_of
 from research.paper.observe import EXACT, Point
 from research.paper.race import final_error, race, regimes
 from research.paper.runs import Arm, Case, Record, Run, read_record
-from research.paper.studies import EDITORS, FULL, QUICK, Study, distinct, studies
+from research.paper.studies import BRANCHES, FULL, QUICK, Study, distinct, studies
 from research.paper.varied import Varied
 
 from gsedit.paper.diffusion.sampler import levels_of
@@ -149,7 +149,7 @@ def test_arms_differ_in_one_thing_from_their_base(preset, changes):
 def test_arms_that_are_raced_have_equal_denoising_steps():
     """Whatever the editor's own number is."""
     arms = [*preset_arms("paper"), *preset_arms("default"), *baseline_arms(3000)]
-    runs = [Run(arm, CASE, editor, 0) for arm in arms for editor in EDITORS]
+    runs = [Run(arm, CASE, editor, 0) for arm in arms for editor in BRANCHES]
     assert {settings_of(run).sampler.steps for run in runs} == {STEPS}
 
 

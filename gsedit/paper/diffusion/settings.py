@@ -43,13 +43,13 @@ class SamplerSettings:
 
     steps: int | None = field(default=None, metadata={"flag": "--steps"})
     """Denoising steps, from 1 to 1000. The time of an edit is proportional to it. None: the
-    editor's own (20; small 10, models distilled to few steps 4)."""
+    editor's own (20; models distilled to few steps 4)."""
     guidance_text: float | None = None
     """Weight of the instruction, s_T of InstructPix2Pix, 0 or more; 1 or less adds no push towards
-    it. None: the editor's own (7.5; small 1.4)."""
+    it. None: the editor's own (7.5)."""
     guidance_image: float | None = None
     """Weight of the unedited picture, s_I of InstructPix2Pix, 0 or more; 1 skips the unconditional
-    branch, a third of the cost. None: the editor's own (1.5; small 1)."""
+    branch, a third of the cost. None: the editor's own (1.5)."""
     guidance_end: float = 0.0
     """The noise level, a sigma as t_end is, below which there is no guidance: of each step only the
     prediction under text and picture is computed, a third of the cost. 0: guidance to the end."""
@@ -65,14 +65,14 @@ class SamplerSettings:
     spacing: Spacing | None = None
     """Positions of the steps on the noise schedule, named as in diffusers; karras spaces the
     seventh roots of sigma evenly, middle takes the middles of equal parts. None: the editor's own
-    (leading; small middle)."""
+    (leading)."""
     eta: float = 0.0
     """Fresh noise of the solver ddim, from 0 (deterministic) to 1 (DDPM). The clusters of
     corresponding cells share it as they share the first noise; ancestral always has 1."""
     t_end: float | None = None
     """The noise level at which consensus ends: it acts while sigma, the noise's deviation in units
-    of a clean latent, is above t_end; 0 or more, at 0 to the end. None: the editor's own (4.7;
-    small 4)."""
+    of a clean latent, is above t_end; 0 or more, at 0 to the end. None: the editor's own
+    (4.7)."""
     target: Target = "x0"
     """Quantity that corresponding cells agree on: the predicted clean latent x0 (and eps follows
     from it), the next latent x_{t-1} (xt), or the predicted noise eps."""
@@ -93,7 +93,7 @@ class SamplerSettings:
     measured on the first pass, is at most 2 %."""
     temperature: float | None = None
     """Factor of the starting noise, from 0 to 1: 1 samples the editor's whole distribution, 0
-    starts without noise. None: the editor's own (1; small 0.2)."""
+    starts without noise. None: the editor's own (1)."""
 
     def __post_init__(self) -> None:
         self._check_ranges()

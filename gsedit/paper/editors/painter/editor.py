@@ -16,7 +16,7 @@ from torch import Tensor
 
 from gsedit.errors import Said, UsageError
 from gsedit.paper.diffusion.settings import SamplerSettings
-from gsedit.paper.editors.painter.network import CELL, Affine, Moments, PaintNetwork
+from gsedit.paper.editors.painter.network import CELL, Affine, Moments, PaintNetwork, mixed
 from gsedit.paper.editors.painter.picture_style import (
     load_picture_styles,
     read_style_picture,
@@ -26,7 +26,7 @@ from gsedit.paper.editors.painter.weights import hold, weights_of
 from gsedit.paper.protocol import Capabilities, EditBatch, EditProgress
 from gsedit.scene.color_space import LUMINANCE
 from gsedit.views.padding import pad_to_multiple
-from gsedit.words.styles import style_asked
+from gsedit.words.styles import styles_asked
 
 WEIGHTS = Path(__file__).with_name("styles.safetensors")
 BRUSH = 192
@@ -121,12 +121,13 @@ class Painter:
 
     def _style(self, prompt: str) -> tuple[Affine, ...]:
         """The affine maps that a sentence asks for. Raises UsageError."""
-        asked = style_asked(prompt)
-        if not self.like and asked.number is None:
+        asked = styles_asked(prompt)
+        numbers = [style.number for style in asked if style.number is not None]
+        if not self.like and len(numbers) < len(asked):
             raise UsageError(Said(f"{prompt!r} names no picture", "like"))
-        if self.like and asked.number is not None:
-            raise UsageError(Said(f"{asked.name} is not the style of {self.like}", "unlike"))
-        return self.styles[asked.number or 0]
+        if self.like and numbers:
+            raise UsageError(Said(f"{asked[0].name} is not the style of {self.like}", "unlike"))
+        return mixed([self.styles[k] for k in numbers or [0]], [1.0] * max(len(numbers), 1))
 
 
 def _padded(pictures: Float[Tensor, "v h w 3"]) -> Float[Tensor, "v 3 H W"]:
