@@ -103,6 +103,15 @@ def test_what_a_step_is_called_asks_for_its_style(name):
         ]
 
 
+def test_styles_of_one_part_are_mixed_in_one_step():
+    (step,) = read_steps("a woodcut and a mosaic")
+    names = [style.name for style in styles_asked(step.text)]
+    assert names == ["woodcut", "stained glass"]
+    words = "left leg in the style of woodcut; left leg in the style of comic"
+    assert [style.name for style in styles_asked(words)] == ["woodcut", "comic"]
+    assert len(read_steps("the bear a woodcut and the background a mosaic")) == 2
+
+
 def test_a_name_that_only_the_scene_knows_does_not_hide_the_style():
     asked = styles_asked("everything but the left leg in the style of woodcut")
     assert [style.name for style in asked] == ["woodcut"]
@@ -138,10 +147,10 @@ def test_what_is_not_drawn_is_refused_with_the_next_move(sentence, how, told):
 @pytest.mark.parametrize(
     ("sentence", "told"),
     [
-        ("a woodcut, and the background a mosaic", "two styles"), ("paint it red", "no painting"),
-        ("not a woodcut", "must not"), ("as pixel art", "nearest are"), ("", "empty"),
+        ("paint it red", "no painting"), ("not a woodcut", "must not"), ("", "empty"),
+        ("as pixel art", "nearest are"), ("in the style of this picture", "--like"),
     ],
 )  # fmt: skip
-def test_the_painter_paints_one_style(sentence, told):
+def test_the_painter_paints_nothing_but_styles(sentence, told):
     with pytest.raises(UsageError, match=told):
         make_editor().check(sentence)
