@@ -147,10 +147,11 @@ def test_what_is_not_drawn_is_refused_with_the_next_move(sentence, how, told):
 @pytest.mark.parametrize(
     ("sentence", "told"),
     [
-        ("paint it red", "no painting"), ("not a woodcut", "must not"), ("", "empty"),
+        ("a woodcut, and the background a mosaic", "several parts"), ("", "empty"),
+        ("paint it red", "no painting"), ("not a woodcut", "must not"),
         ("as pixel art", "nearest are"), ("in the style of this picture", "--like"),
     ],
 )  # fmt: skip
-def test_the_painter_paints_nothing_but_styles(sentence, told):
+def test_the_painter_paints_one_part(sentence, told):
     with pytest.raises(UsageError, match=told):
         make_editor().check(sentence)
