@@ -35,9 +35,10 @@ def styles_asked(sentence: str) -> tuple[Style, ...]:
     refused.
     """
     read = read_instruction(sentence)
-    part, _, told = sentence.rpartition(" in the style of ")
-    if not read.known and told in STYLES and not any(w.kind in NEGATIONS for w in scanned(part)):
-        return (STYLES[told],)  # of a part whose name only the scene knows
+    told = [each.rpartition(" in the style of ")[2] for each in sentence.split("; ")]
+    denied = any(word.kind in NEGATIONS for word in scanned(sentence))
+    if not read.known and not denied and STYLES.keys() >= set(told):
+        return tuple(map(STYLES.__getitem__, told))  # of a part whose name only the scene knows
     if not read.known:
         raise UsageError(f"{sentence.strip()!r}: {read.why}")
     others = [change for change in read.changes if change.route != "style"]

@@ -102,9 +102,6 @@ REFUSED = """
 2 | recolor scene.ply --temperature 10 -o a.ply | kelvin
 3 | recolor scene.ply --palette none.png -o a.ply | none.png
 2 | recolor scene.ply --exposure bright -o a.ply | --exposure
-3 | style scene.ply none.png -o a.ply | none.png
-2 | style scene.ply taken.png -o a.obj | scene file
-2 | style scene.ply taken.png -o a.ply --strength 3 | 0 to 1
 
 2 | select room/room.ply --dry-run --at view_0:20 | a column and a row
 2 | select room/room.ply --dry-run --at viewer_0:2,3 | view_0
