@@ -5,9 +5,8 @@ Marching cubes give each edge to two faces whatever the distances are; a decimat
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
 from math import ceil, log2, sqrt
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float32, Float64, Int64
@@ -25,6 +24,8 @@ FACES_PER_SQUARE = 3.2
 """Triangles of marching cubes for a square of the grid's side of surface; 2 of a flat one."""
 QUERIES = 1 << 20
 """Points measured at once."""
+Signed = Callable[[Float64[np.ndarray, "p 3"]], Float32[np.ndarray, " p"]]
+"""A map from points to their signed distances from a surface."""
 
 
 def closed(mesh: Mesh, voxel: float, faces: int) -> Mesh:
@@ -59,7 +60,7 @@ def _boundary(solid: Mesh, mesh: Mesh, side: float) -> Mesh:
     low, high = mesh.vertices.min(0) - 2 * side, mesh.vertices.max(0) + 2 * side
     side = max(side, float(np.prod(high - low) / MOST_POINTS) ** (1 / 3))
     blocks = np.ceil((high - low) / (side * BLOCK)).astype(int)
-    distances = _distances(_Signed.of(solid), low, side, blocks)
+    distances = _distances(_signed(solid), low, side, blocks)
     for axis in range(3):  # outside of the box nothing is solid
         np.moveaxis(distances, axis, 0)[[0, -1]] = side
     grid = import_pyvista().ImageData(
@@ -72,7 +73,7 @@ def _boundary(solid: Mesh, mesh: Mesh, side: float) -> Mesh:
 
 
 def _distances(
-    signed: _Signed, low: Float64[np.ndarray, "3"], side: float, blocks: Int64[np.ndarray, "3"]
+    signed: Signed, low: Float64[np.ndarray, "3"], side: float, blocks: Int64[np.ndarray, "3"]
 ) -> Float32[np.ndarray, "x y z"]:
     """Signed distances on a grid from `low`; exact near the surface, of the right sign elsewhere,
     and never 0."""
@@ -89,28 +90,21 @@ def _distances(
     return cube.transpose(0, 3, 1, 4, 2, 5).reshape(blocks * BLOCK)
 
 
-@dataclass(frozen=True, eq=False)
-class _Signed:
+def _signed(mesh: Mesh) -> Signed:
     """Signed distances from a surface, negative behind it: by the normal where it is nearest."""
+    open3d, normals = import_open3d(), mesh.normals
+    scene = open3d.t.geometry.RaycastingScene()
+    scene.add_triangles(open3d.t.geometry.TriangleMesh.from_legacy(to_open3d(mesh)))
 
-    mesh: Mesh
-    normals: Float64[np.ndarray, "v 3"]
-    scene: Any
-
-    @classmethod
-    def of(cls, mesh: Mesh) -> _Signed:
-        geometry = import_open3d().t.geometry
-        scene = geometry.RaycastingScene()
-        scene.add_triangles(geometry.TriangleMesh.from_legacy(to_open3d(mesh)))
-        return cls(mesh, mesh.normals, scene)
-
-    def __call__(self, points: Float64[np.ndarray, "p 3"]) -> Float32[np.ndarray, " p"]:
+    def distances(points: Float64[np.ndarray, "p 3"]) -> Float32[np.ndarray, " p"]:
         places = points.astype(np.float32)
-        found = self.scene.compute_closest_points(import_open3d().core.Tensor(places))
+        found = scene.compute_closest_points(open3d.core.Tensor(places))
         away = places - found["points"].numpy()
-        corners = self.mesh.faces[found["primitive_ids"].numpy().astype(np.int64)]
+        corners = mesh.faces[found["primitive_ids"].numpy().astype(np.int64)]
         uv = found["primitive_uvs"].numpy()
         weights = np.column_stack((1 - uv.sum(1), uv))
-        normals = (self.normals[corners] * weights[:, :, None]).sum(1)
-        behind = (away * normals).sum(1) < 0
+        facing = (normals[corners] * weights[:, :, None]).sum(1)
+        behind = (away * facing).sum(1) < 0
         return (np.linalg.norm(away, axis=1) * np.where(behind, -1, 1)).astype(np.float32)
+
+    return distances

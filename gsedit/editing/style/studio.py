@@ -27,7 +27,7 @@ from gsedit.scene.merging import coarsen
 from gsedit.scene.picture import render_picture
 from gsedit.scene.table import gaussians_of, table_of
 from gsedit.select.region import Region, coverage
-from gsedit.toolkit.color_maps import as_table
+from gsedit.toolkit.grade import as_table
 from gsedit.toolkit.recolor import color_transport, recolored, sliced_distance
 from gsedit.views.dataset import View
 from gsedit.views.image_ops import downscale
