@@ -166,8 +166,6 @@ CAMERAS = 40
 """Most cameras whose directions colors are fitted to."""
 BEHIND = 0.1
 """Sine beyond the horizon up to which a surface is seen: its Gaussians are not flat."""
-AROUND = 96
-"""Directions, even over the sphere, that colors are fitted to."""
 SHARPNESS = 10.0
 """Sharpness of a camera's weight over directions: half at 21 degrees."""
 AROUND_WEIGHT = 0.05
@@ -314,7 +312,7 @@ def colors_of(
     eyes = torch.stack([c.center for c in cameras]).to(diffuse) if len(cameras) else None
     if eyes is not None:
         eyes = eyes[evenly_spaced(len(eyes), CAMERAS)]
-    directions = torch.from_numpy(even_directions(AROUND)).to(diffuse)
+    directions = torch.from_numpy(even_directions(RAYS)).to(diffuse)
     found = [diffuse.new_zeros(0, (degree + 1) ** 2, 3)]
     for start in range(0, len(only), AT_ONCE):
         rows = only[start : start + AT_ONCE]
