@@ -16,8 +16,6 @@ class BenchOptions:
 
     points: Path | None = option(None, "FILE", envvar="GSEDIT_GARDEN")
     """Points of the garden scene: garden.npz, a test asset of gsplat."""
-    quick: bool = option(False)
-    """A short run: fewer and smaller cases."""
 
 
 def bench(*, own: BenchOptions) -> None:
@@ -32,7 +30,7 @@ def bench(*, own: BenchOptions) -> None:
 
     rows = []
     with progress() as show:
-        for item in measure_targets(own.points, quick=own.quick):
+        for item in measure_targets(own.points):
             if isinstance(item, Event):
                 show(item)
             else:
