@@ -11,7 +11,7 @@ from math import log, pi, sqrt
 import numpy as np
 import torch
 from jaxtyping import Bool, Float
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 from torch import Tensor
 
 from gsedit.bench.synthetic.scene import SyntheticScene
@@ -120,7 +120,7 @@ def _first_come(points: Float[Tensor, "m 3"], distance: float) -> Bool[Tensor, "
     The greedy rule "earlier points win" in rounds, all points at once: a point with no earlier
     undecided neighbor is selected, and its neighbors are removed.
     """
-    pairs = cKDTree(points.numpy()).query_pairs(distance, output_type="ndarray")  # i < j
+    pairs = KDTree(points.numpy()).query_pairs(distance, output_type="ndarray")  # i < j
     first, second = torch.from_numpy(pairs.astype(np.int64)).unbind(-1)
     removed = torch.zeros(len(points), dtype=torch.bool)
     while len(first):
