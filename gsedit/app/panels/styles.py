@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from gsedit.scene.picture import render_picture
 from gsedit.words.lexicon import styles
-
-if TYPE_CHECKING:
-    from gsedit.app.panels.say import Say
 
 THUMBNAIL = 128
 """Longer side of a picture of a style, pixels."""
@@ -20,8 +17,8 @@ NONE = "choose a style"
 class Styles:
     """The styles below one tab's sentence."""
 
-    def __init__(self, say: Say) -> None:
-        """Add the controls, folded up."""
+    def __init__(self, say: Any) -> None:
+        """Add the controls of a `Say`, folded up."""
         self.say, tab = say, say.tab
         with tab.gui.add_folder("painting styles", expand_by_default=False):
             self.names = tab.gui.add_dropdown("style", (NONE, *styles()))
