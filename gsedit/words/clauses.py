@@ -73,6 +73,8 @@ def clauses(words: list[Word]) -> list[Clause]:
     for before, part in _segments(words):
         kept = found and found[-1].limits and not before.endswith(":")
         heir = opens if _inherits(before, part) and not kept else None
+        if words[0].text == "not" and before == "," and part[0].text in ("a", "an"):
+            heir = None  # "not a watercolor, an oil painting"
         clause = _governed(before, _told(_became(part)), heir)
         opens = clause.opens
         if found and before == "and" and not clause.kinds() & {"do", "wish", "be", "turn"}:
