@@ -182,7 +182,6 @@ REFUSED = """
 2 | render scene.ply -o out --data photos --views 3 | 0 to 2
 2 | render scene.ply -o out --from 1,2 | --from
 2 | render scene.ply -o out --data photos --from 0,0,1 | --from
-2 | render scene.ply -o out --compile | --kernel
 2 | render scene.ply -o out --count 1 --region auto | --prompt
 2 | render scene.ply -o out --count 1 --prompt 'as gold' | --region
 2 | render scene.ply -o out --count 1 --region box:1,2,3 | 6 finite numbers
