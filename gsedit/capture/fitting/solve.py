@@ -205,11 +205,14 @@ def trusting_penalty(
         kept = [i for i in range(len(targets)) if i not in left]
         shown = None if pictures is None else [pictures[i] for i in kept]
         for penalty in PENALTIES:
-            *_, last = solve_colors(
+            found = solve_colors(
                 scene, [targets[i] for i in kept], inside,
                 pictures=shown, penalty=penalty, execution=execution,
             )  # fmt: skip
-            drawn = [render(last.scene, targets[i].camera, execution=execution) for i in left]
+            solved = scene  # where there is nothing to solve
+            for each in found:
+                solved = each.scene
+            drawn = [render(solved, targets[i].camera, execution=execution) for i in left]
             errors[penalty] += sum(
                 float((each.color.clamp(0, 1) - targets[i].image).square().mean())
                 for each, i in zip(drawn, left)
