@@ -121,8 +121,6 @@ class Verbs(TyperGroup):
             # pydantic, which typer checks values with, begins its messages with "Value error, "
             message = one_line(error.format_message()).replace("Value error, ", "")
             message = message.replace(SET, "--set ")
-            if getattr(error, "option_name", "") == "--compile":
-                message += " The compiled kernel is the default; --kernel torch does without it"
             if message.startswith("Got unexpected extra arg") and verb.split()[-1] in SENTENCES:
                 message += ": put the whole sentence in quotes"
             print_message(f"{verb}: {message} (see {verb} --help)")

@@ -29,7 +29,7 @@ DOORS = {
 }
 """Modules whose exported names are the Python API; a name that is not there is left out."""
 
-SETTINGS = re.compile(r"(Edit|Fit|Sampler|Update|Style|Capture)Settings|Numerics|Execution")
+SETTINGS = re.compile(r"(Edit|Fit|Sampler|Update|Capture)Settings|Numerics|Execution")
 """Names of the records of settings that have a table, wherever in the code they are defined."""
 
 COPIES = {

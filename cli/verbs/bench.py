@@ -40,8 +40,6 @@ class TargetOptions:
 
     points: Path | None = option(None, "FILE", envvar="GSEDIT_GARDEN")
     """Points of the garden scene: garden.npz, a test asset of gsplat."""
-    quick: bool = option(False)
-    """A short run: fewer and smaller cases."""
 
 
 @bench.callback()
@@ -76,7 +74,7 @@ def targets(*, own: TargetOptions) -> None:
 
     from gsedit.bench.renderer.speed import measure_targets, table
 
-    rows = collect(measure_targets(own.points, quick=own.quick))
+    rows = collect(measure_targets(own.points))
     reached = sum(row.reached is True for row in rows)
     print_result({"targets": rows, "reached": reached}, table(rows))
 

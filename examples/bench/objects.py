@@ -24,7 +24,7 @@ from bench.staged import Labelled, Stage
 from gsedit.change.light.relight import relit
 from gsedit.change.light.table import LightSetup, Sun
 from gsedit.change.materials.apply import in_material
-from gsedit.change.materials.named import paint_of
+from gsedit.change.materials.table import paint_of
 from gsedit.change.objects.bending.bend import Handle, bend
 from gsedit.change.objects.growth.grow import grow
 from gsedit.change.objects.growth.table import GROWTHS, LEAST, MOST

@@ -17,7 +17,7 @@ from pathlib import Path
 import torch
 
 from gsedit import load
-from gsedit.change.objects import Click, Selector
+from gsedit.select import Click, Selector
 from gsedit.views.load import load_dataset
 from research.measure_subjects import middle, read_truth
 

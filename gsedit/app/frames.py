@@ -17,6 +17,7 @@ import torch
 from jaxtyping import Bool, Float, UInt8
 from torch import Tensor
 
+from gsedit.formats.pictures import eight_bits
 from gsedit.pictures.maps import wipe
 from rasterizer.camera import Camera
 from rasterizer.numerics import DEFAULT, Numerics, color_to_sh
@@ -68,21 +69,21 @@ def picture(shown: DisplayState, camera: Camera) -> UInt8[np.ndarray, "h w 3"]:
     """Draw what is shown; without a scene the background."""
     height, width = camera.height, camera.width
     if shown.scene is None:
-        return np.broadcast_to(_bytes(torch.tensor(BACKGROUND)), (height, width, 3)).copy()
+        return np.broadcast_to(eight_bits(torch.tensor(BACKGROUND)), (height, width, 3)).copy()
     if shown.before is None:
-        return _bytes(_drawn(shown, shown.scene, camera))
+        return eight_bits(_drawn(shown, shown.scene, camera))
     background = torch.tensor(BACKGROUND)
     if shown.way == "wipe":
         joined = wipe(
             shown.before, shown.scene, camera, shown.wipe,
             background=background, numerics=(shown.numerics, shown.numerics),
         )  # fmt: skip
-        return _bytes(joined)
+        return eight_bits(joined)
     half = shown.camera(camera)
     left, right = (_drawn(shown, each, half) for each in (shown.before, shown.scene))
     joined = torch.cat((left, right, torch.ones(height, width - 2 * half.width, 3)), 1)
     joined[:, max(half.width - LINE_PIXELS // 2, 0) : half.width + LINE_PIXELS // 2] = 1
-    return _bytes(joined)
+    return eight_bits(joined)
 
 
 def tinted(
@@ -98,10 +99,6 @@ def tinted(
 def _drawn(shown: DisplayState, scene: Gaussians, camera: Camera) -> Float[Tensor, "h w 3"]:
     background = torch.tensor(BACKGROUND).to(scene.means)
     return render(scene, camera, background=background, numerics=shown.numerics).color
-
-
-def _bytes(color: Tensor) -> np.ndarray:
-    return (color.clamp(0, 1) * 255 + 0.5).byte().numpy()
 
 
 class Loop:

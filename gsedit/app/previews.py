@@ -22,6 +22,7 @@ from gsedit.editing.parts import SUBJECT
 from gsedit.editing.plan import is_exact
 from gsedit.editing.preview import drawn_region, preview_edited, shown_by
 from gsedit.errors import GseditError
+from gsedit.formats.pictures import eight_bits
 from gsedit.paper.settings import EditSettings
 from gsedit.run.events import returned
 from gsedit.select.finder import Finder, Names
@@ -75,7 +76,7 @@ class Previewer:
             self.loaded.scene, reading.first.text, camera, editor_2d(),
             execution=self.settings.execution, size=EDITED_PIXELS, region=region,
         )  # fmt: skip
-        return (found.after[0].image.clamp(0, 1) * 255 + 0.5).byte().numpy()
+        return eight_bits(found.after[0].image)
 
     def prepare(
         self, wanted: Callable[[], bool] = lambda: True, sentences: Sequence[str] = PREPARED

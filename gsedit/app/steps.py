@@ -19,7 +19,7 @@ from gsedit.select.saved import carry_named, folder_of, saved_names
 from gsedit.views.cameras_json import NAME as CAMERAS
 from gsedit.views.cameras_json import cameras_file
 
-FOLDER_VERBS = ("edit", "make", "style")
+FOLDER_VERBS = ("edit", "make")
 """Verbs whose -o is a folder with a scene.ply in it; that of the others is the scene."""
 MOVING_VERBS = ("transform", "align")
 """Verbs that move the cameras along where they are asked to."""

@@ -115,6 +115,8 @@ def measured(
         evidence = replace(evidence, metrics=metrics)
         if drawing is None:
             evidence = replace(evidence, held_out=HeldOutViews(before, (), after))
+        else:
+            evidence = _of_the_whole(evidence, scene, changed.scene, finder.execution)
         if (metrics.rmse_to_unedited or 0.0) <= LEAST_RMSE:
             notes = (*notes, HARDLY)
     spent = {**watch.stages, **evidence.timings}
@@ -141,6 +143,23 @@ def understood(steps: Sequence[Instruction]) -> Instruction | None:
     return steps[0] if len(steps) == 1 else Instruction(words, True, words, changes)
 
 
+def _of_the_whole(
+    evidence: Evidence, before: Gaussians, after: Gaussians, execution: Execution
+) -> Evidence:
+    """The evidence of a drawing, its renders those of the scene before and after all changes."""
+    held_out = evidence.held_out
+    return replace(
+        evidence,
+        originals=pictures_at(before, evidence.originals, execution),
+        finals=pictures_at(after, evidence.finals, execution),
+        held_out=replace(
+            held_out,
+            originals=pictures_at(before, held_out.originals, execution),
+            finals=pictures_at(after, held_out.finals, execution),
+        ),
+    )
+
+
 def _evidence(settings: EditSettings) -> Evidence:
     """The evidence of an edit that nothing has been measured of."""
     metrics = EditMetrics(Evaluation({}, (), {}, ()))
@@ -154,9 +173,9 @@ def held_out(viewpoints: Sequence[Viewpoint]) -> tuple[Viewpoint, ...]:
 
 
 def pictures_at(
-    scene: Gaussians, viewpoints: Sequence[Viewpoint], execution: Execution = AUTO
+    scene: Gaussians, viewpoints: Sequence[Viewpoint | View], execution: Execution = AUTO
 ) -> tuple[View, ...]:
-    """Renders of a scene as views."""
+    """Renders of a scene as views at these, whatever they show."""
     cameras, names = [each.camera for each in viewpoints], [each.name for each in viewpoints]
     return tuple(capture(scene, cameras, names, execution))
 

@@ -17,7 +17,7 @@ from torch import Tensor
 from gsedit.change.light.relight import relit
 from gsedit.change.light.table import setup_of
 from gsedit.change.materials.apply import in_material
-from gsedit.change.materials.named import material_of, paint_of
+from gsedit.change.materials.table import material_of, paint_of
 from gsedit.change.scenery.table import SCENERIES, in_scenery
 from gsedit.editing.placements import Flags, paint_objects
 from gsedit.editing.plan import key_of

@@ -59,24 +59,21 @@ def read_steps(
 def steps_of(instruction: Instruction) -> tuple[Instruction, ...]:
     """Steps that an instruction takes, in order; itself where exact routes do all.
 
-    Changes beside each other that exact routes do are one step, and each style is one. Raises
-    UsageError for an instruction that is refused, and for a look that nothing here draws.
+    Changes beside each other that exact routes do are one step, and so are styles beside each other
+    of one part, which are mixed. Raises UsageError for an instruction that is refused, and for a
+    look that nothing here draws.
     """
     if not instruction.known:
         raise UsageError(instruction.why)
     changes = instruction.changes
     if lost := next((c for c in changes if c.route not in (*EXACT_ROUTES, STYLE)), None):
         raise UsageError(no_style(lost.name))
-    numbered = enumerate(changes)
-    kinds = groupby(numbered, lambda each: -1 if each[1].route in EXACT_ROUTES else each[0])
-    groups = [tuple(change for _, change in group) for _, group in kinds]
     if is_exact(instruction):
         return (instruction,)
-    return tuple(
-        Instruction(words, True, words, each)
-        for each in groups
-        for words in ("; ".join(map(str, each)),)
-    )
+    groups = groupby(changes, lambda each: "" if each.route in EXACT_ROUTES else key_of(each))
+    steps = [tuple(group) for _, group in groups]
+    told = ["; ".join(map(str, step)) for step in steps]
+    return tuple(Instruction(text, True, text, step) for text, step in zip(told, steps))
 
 
 def runs_of(step: Instruction) -> Iterator[tuple[Change, ...]]:

@@ -13,8 +13,7 @@ from jaxtyping import Bool
 from gsedit.errors import UsageError
 from gsedit.scene.color_space import LUMINANCE
 from gsedit.scene.table import SplatTable
-from gsedit.toolkit.color_maps import Affine
-from gsedit.toolkit.grade import COLDEST, GAMMA, HOTTEST, NEUTRAL, Grade
+from gsedit.toolkit.grade import COLDEST, GAMMA, HOTTEST, NEUTRAL, Affine, Grade
 from gsedit.toolkit.recolor import recolored
 from gsedit.words.colors import parse_hex
 from gsedit.words.instruction import MOST

@@ -12,8 +12,7 @@ from scipy.ndimage import label
 from torch import Tensor
 
 from gsedit.errors import UsageError
-from gsedit.mesh.close import closed
-from gsedit.mesh.fuse import Ball, fuse
+from gsedit.mesh.fuse import Ball, closed, fuse
 from gsedit.mesh.triangles import Mesh, from_open3d, to_open3d
 from gsedit.scene.neighbors import k_nearest
 from gsedit.views.around import FOUND_SIZE_PIXELS, find_viewpoints
@@ -21,7 +20,6 @@ from gsedit.views.dataset import evenly_spaced
 from gsedit.views.depth import SeenSurface, seen_surface
 from gsedit.views.paths import common_point
 from rasterizer.camera import Camera
-from rasterizer.numerics import AUTO, Execution, ruled
 from rasterizer.scene import Gaussians
 
 CRUMB = 0.01
@@ -111,7 +109,6 @@ REACHED, MARGIN = 0.98, 1.1
 
 
 @torch.no_grad()
-@ruled
 def mesh(
     scene: Gaussians,
     cameras: Sequence[Camera] = (),
@@ -119,7 +116,6 @@ def mesh(
     inside: Bool[Tensor, " n"] | None = None,
     faces: int = FACES,
     watertight: bool = False,
-    execution: Execution = AUTO,
 ) -> Mesh:
     """Make a mesh of at most `faces` triangles of what the cameras look at; found ones without any.
 

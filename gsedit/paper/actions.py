@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import repeat
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import torch
 from jaxtyping import Float
@@ -13,9 +13,13 @@ from torch import Tensor
 
 from gsedit.capture.fitting.crops import CorrectedCrops
 from gsedit.capture.fitting.random_crops import crops_needed
-from gsedit.capture.fitting.solve import BAND_PENALTY, solve_colors
-from gsedit.capture.fitting.strokes import BAND_PENALTY as STROKE_BAND_PENALTY
-from gsedit.capture.fitting.strokes import leading_shares, leading_views, stroke_steps
+from gsedit.capture.fitting.solve import solve_colors, trusting_penalty
+from gsedit.capture.fitting.strokes import (
+    BAND_PENALTY,
+    leading_shares,
+    leading_views,
+    stroke_steps,
+)
 from gsedit.capture.fitting.update import Target, update_steps
 from gsedit.errors import InputError
 from gsedit.paper.edit_views import edit_views
@@ -176,22 +180,21 @@ class Solve:
             optimizer.raise_negative_colors(inside)
             start, views = optimizer.scene.detach(), list(targets.values())
             pictures = None if request.coarse is None else [preview(session, i) for i in targets]
-            shares = _leading_shares(session, start, targets) if request.keeps_strokes else None
-            solved = list(
-                solve_colors(
-                    start, views, inside, pictures=pictures, shares=shares,
-                    band_penalty=BAND_PENALTY if shares is None else STROKE_BAND_PENALTY,
-                    execution=request.settings.execution,
-                )
-            )  # fmt: skip
+            how: dict[str, Any] = {"pictures": pictures, "execution": request.settings.execution}
+            if request.keeps_strokes:
+                how["shares"] = _leading_shares(session, start, targets)
+                how["band_penalty"] = BAND_PENALTY
+            else:
+                how["penalty"] = trusting_penalty(start, views, inside, **how)
+            solved = list(solve_colors(start, views, inside, **how))
             if solved:
                 progress.work.followed = solved[-1].followed
                 progress.work.map_error = solved[-1].map_error
                 _take(session, solved[-1].scene, len(solved))
             loss = solved[-1].mse if solved else None
             yield measure_progress(session, self.step, self.total, loss)
-            if shares is not None:
-                yield from _keep_strokes(session, targets, shares)
+            if request.keeps_strokes:
+                yield from _keep_strokes(session, targets, how["shares"])
 
 
 def _take(session: Session, scene: Gaussians, steps: int) -> None:

@@ -12,7 +12,7 @@ import torch
 
 from gsedit.capture.fitting.edit_loss import check_installed
 from gsedit.errors import UsageError
-from gsedit.measures.features import FeatureExtractor, FilterBank
+from gsedit.measures.features import MIN_SIDE, FeatureExtractor, FilterBank
 from gsedit.paper.editors.ranked import with_ranks
 from gsedit.paper.protocol import Editor
 from gsedit.paper.settings import EditSettings
@@ -128,8 +128,9 @@ class Request:
     def keeps_strokes(self) -> bool:
         """Whether the scene is fitted to the strokes of a view where that leads, see
         gsedit.capture.fitting.strokes."""
-        draws = self.editor.capabilities.draws
-        return self.solves and draws and self.settings.update.strokes > 0
+        draws, camera = self.editor.capabilities.draws, self.every_view[0].camera
+        tiny = min(camera.width, camera.height) < MIN_SIDE  # the features of strokes see nothing
+        return self.solves and draws and not tiny and self.settings.update.strokes > 0
 
     @property
     def every_view(self) -> tuple[View, ...]:

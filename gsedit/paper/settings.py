@@ -146,7 +146,7 @@ PRESETS = {
         EditSettings(
             sampler=SamplerSettings(
                 steps=50, solver="ddim", spacing="leading", strength=1.0, target="xt",
-                noise="independent", temperature=1.0, t_end=SamplerDefaults().t_end,
+                noise="independent", t_end=SamplerDefaults().t_end,
                 harmonise=False,
             ),
             update=UpdateSettings(loss="mse+0.1*gram"),

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import torch
@@ -12,7 +12,6 @@ from jaxtyping import Float
 from PIL import Image
 from torch import Tensor
 
-from gsedit.errors import UsageError
 from gsedit.formats.pictures import as_picture, eight_bits, save_picture
 from gsedit.pictures.frames import normal_colors, panels
 from gsedit.pictures.maps import MapName, Maps, depth_picture, render_maps
@@ -22,36 +21,6 @@ from gsedit.scene.color_space import linear_of_srgb
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, DEFAULT, Execution, Numerics
 from rasterizer.scene import Gaussians
-
-Channels = Mapping[str, Float[np.ndarray, "h w"]]
-
-
-def write_exr(
-    channels: Channels, path: str | Path, *, comments: str = "", overwrite: bool = False
-) -> None:
-    """Write channels of one size, float32, whole or not at all. Raises what `atomic_path` raises,
-    GseditError without the package OpenEXR.
-    """
-    openexr = _import()
-    header: dict[str, Any] = {
-        "compression": openexr.ZIP_COMPRESSION,
-        "type": openexr.scanlineimage,
-    }
-    if comments:
-        header["comments"] = comments
-    arrays = {
-        name: np.ascontiguousarray(values, dtype=np.float32) for name, values in channels.items()
-    }
-    with atomic_path(path, overwrite=overwrite) as temporary:
-        try:
-            openexr.File(header, arrays).write(str(temporary))
-        except RuntimeError as error:  # a full disk too
-            raise OSError(str(error)) from error
-
-
-def _import() -> Any:
-    return load_extra("OpenEXR", "an EXR file", "write .npy")
-
 
 Format = Literal["png", "exr", "npy"]
 Shown = Sequence[MapName]
@@ -63,6 +32,24 @@ EXR_COMMENTS = (
     "where nothing is. N.X N.Y N.Z: unit normals in the camera's "
     "axes x right, y up, z towards the viewer."
 )
+
+
+def write_exr(maps: Maps, show: Shown, path: Path, *, overwrite: bool = False) -> None:
+    """Write the shown maps as channels, float32, whole or not at all. Raises what `atomic_path`
+    raises, GseditError without the package OpenEXR.
+    """
+    openexr = load_extra("OpenEXR", "an EXR file", "write .npy")
+    header = {
+        "compression": openexr.ZIP_COMPRESSION,
+        "type": openexr.scanlineimage,
+        "comments": EXR_COMMENTS,
+    }
+    channels = {name: np.ascontiguousarray(v) for name, v in exr_channels(maps, show).items()}
+    with atomic_path(path, overwrite=overwrite) as temporary:
+        try:
+            openexr.File(header, channels).write(str(temporary))
+        except RuntimeError as error:  # a full disk too
+            raise OSError(str(error)) from error
 
 
 def write_view(
@@ -95,7 +82,7 @@ def write_view(
     )
     if format == "exr":
         path = stem.with_name(f"{stem.name}.exr")
-        write_exr(exr_channels(maps, show), path, comments=EXR_COMMENTS, overwrite=overwrite)
+        write_exr(maps, show, path, overwrite=overwrite)
         return [path]
     written = []
     for name in show:
@@ -114,23 +101,17 @@ def write_view(
 def write_still(
     maps: Maps, show: Shown, path: Path, *, transparent: bool = False, overwrite: bool = False
 ) -> None:
-    """Write maps into one file: a .png (several side by side), an .exr, or an .npy of one map.
-
-    Raises UsageError for several maps in an .npy, another suffix, and as `atomic_path` does.
-    """
-    match path.suffix.lower():
-        case ".exr":
-            write_exr(exr_channels(maps, show), path, comments=EXR_COMMENTS, overwrite=overwrite)
-        case ".npy" if len(show) == 1:
-            save_numbers(map_numbers(maps, show[0]), path, overwrite=overwrite)
-        case ".npy":
-            raise UsageError(f"{path} holds one map: show one, or write an .exr or a folder")
-        case ".png" if len(show) == 1:
-            save_picture(map_picture(maps, show[0], transparent), path, overwrite=overwrite)
-        case ".png":
-            save_picture(Image.fromarray(panels(maps, show)), path, overwrite=overwrite)
-        case _:
-            raise UsageError(f"{path}: name a .png, .exr or .npy file")
+    """Write maps into one file: an .exr, an .npy of the first map, or else a picture of all, side
+    by side. Raises UsageError as `atomic_path` does."""
+    suffix = path.suffix.lower()
+    if suffix == ".exr":
+        write_exr(maps, show, path, overwrite=overwrite)
+    elif suffix == ".npy":
+        save_numbers(map_numbers(maps, show[0]), path, overwrite=overwrite)
+    else:
+        alone = map_picture(maps, show[0], transparent) if len(show) == 1 else None
+        picture = alone or Image.fromarray(panels(maps, show))
+        save_picture(picture, path, overwrite=overwrite)
 
 
 def map_numbers(maps: Maps, name: MapName) -> Float[np.ndarray, "h w *c"]:

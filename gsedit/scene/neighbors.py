@@ -6,8 +6,6 @@ apart: a scene 10^6 wide costs what a small one does.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from jaxtyping import Float, Float64, Int64
 
@@ -39,18 +37,11 @@ def nearest(
     return distance[same, -1], first[at[:, 1:]][same]
 
 
-@dataclass(frozen=True, eq=False)
-class Covers:
-    """Pairs of points and Gaussians that cover them: `p` pairs."""
-
-    point: Int64[np.ndarray, " p"]
-    row: Int64[np.ndarray, " p"]
-    alpha: Float64[np.ndarray, " p"]
-    """Opacity of the Gaussian at the point."""
-
-
-def covers(table: SplatTable, points: Float[np.ndarray, "m 3"]) -> Covers:
-    """The Gaussians that are over each point, of similar ones the nearest few.
+def covers(
+    table: SplatTable, points: Float[np.ndarray, "m 3"]
+) -> tuple[Int64[np.ndarray, " p"], Int64[np.ndarray, " p"], Float64[np.ndarray, " p"]]:
+    """The Gaussians that are over each point, of similar ones the nearest few: points and rows of
+    `p` pairs, and the opacity of the Gaussian there.
 
     A disc counts as a ball of its middle radius: it covers a point that is just off its surface.
     Gaussians are searched in classes of similar size: a wide one covers points far from its center.
@@ -69,7 +60,8 @@ def covers(table: SplatTable, points: Float[np.ndarray, "m 3"]) -> Covers:
         local = np.einsum("mi,mij->mj", offset, rotations(table.quats[row])) / thick[row]
         alpha = table.opacities[row] * np.exp(-0.5 * np.square(local).sum(1))
         found.append((point, row, alpha))
-    return Covers(*(np.concatenate(column) for column in zip(*found)))
+    point, row, alpha = (np.concatenate(column) for column in zip(*found))
+    return point, row, alpha
 
 
 def k_nearest(

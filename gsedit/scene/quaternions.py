@@ -36,22 +36,18 @@ def rotation_of(quat: np.ndarray) -> Float64[np.ndarray, "3 3"]:
 
 
 def quaternion_of(rotation: Float64[np.ndarray, "3 3"]) -> Float64[np.ndarray, "4"]:
-    """The unit quaternion wxyz of a rotation, w not negative.
-
-    The eigenvector of the largest eigenvalue of Bar-Itzhack's symmetric 4x4 matrix (2000): no case
-    of the rotation loses digits.
-    """
-    r = rotation
-    symmetric = np.array(
-        [
-            [r[0, 0] + r[1, 1] + r[2, 2], r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]],
-            [0, r[0, 0] - r[1, 1] - r[2, 2], r[0, 1] + r[1, 0], r[0, 2] + r[2, 0]],
-            [0, 0, r[1, 1] - r[0, 0] - r[2, 2], r[1, 2] + r[2, 1]],
-            [0, 0, 0, r[2, 2] - r[0, 0] - r[1, 1]],
-        ]
-    )
-    quat = np.linalg.eigh(symmetric, "U")[1][:, -1]
+    """The unit quaternion wxyz of a rotation, w not negative."""
+    quat = quaternions_of(rotation[None])[0]
     return quat if quat[0] >= 0 else -quat
+
+
+def quaternions_of(rotations: Float64[np.ndarray, "n 3 3"]) -> Float64[np.ndarray, "n 4"]:
+    """The unit quaternions wxyz of rotations; no case of a rotation loses digits."""
+    from scipy.spatial.transform import Rotation
+
+    if not len(rotations):
+        return np.zeros((0, 4))
+    return Rotation.from_matrix(rotations).as_quat()[:, [3, 0, 1, 2]]
 
 
 def multiply(
@@ -87,11 +83,9 @@ def principal_axes(
     covariances: Float64[np.ndarray, "n 3 3"],
 ) -> tuple[Float64[np.ndarray, "n 3"], Float64[np.ndarray, "n 4"]]:
     """Variances along the principal axes, ascending, and the quaternions wxyz that turn to them."""
-    from scipy.spatial.transform import Rotation
-
     variances, axes = np.linalg.eigh(covariances)
     axes[:, :, 0] *= np.sign(np.linalg.det(axes))[:, None]  # a rotation, no mirror image
-    return variances, Rotation.from_matrix(axes).as_quat()[:, [3, 0, 1, 2]]
+    return variances, quaternions_of(axes)
 
 
 _DIGITS = 14

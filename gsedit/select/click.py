@@ -23,7 +23,7 @@ from gsedit.select.layers import level_patches
 from gsedit.select.parts import parts
 from gsedit.select.region import Region, cut_out
 from gsedit.select.segment import Segments, pieces, segment_surfaces
-from gsedit.select.surfaces import VIEW_PIXELS, VIEWS, Neighbors, Surfaces, look, looking_at, smooth
+from gsedit.select.surfaces import VIEW_PIXELS, VIEWS, Surfaces, look, looking_at, smooth
 from rasterizer.camera import Camera
 from rasterizer.color_weights import color_weights
 from rasterizer.scene import Gaussians
@@ -266,11 +266,10 @@ class Selector:
         confidence: Float64[np.ndarray, " m"],
     ) -> Float64[np.ndarray, " m"]:
         """Values that follow the given ones and those of neighbors alike, on some rows."""
-        near = self._surfaces.graph.affinity[rows][:, rows]
+        near = self._surfaces.graph[rows][:, rows]
         near.data = LEAST_AFFINITY + (1 - LEAST_AFFINITY) * near.data
-        graph = Neighbors(near)
         given = torch.from_numpy(values), torch.from_numpy(confidence)
-        return smooth(*given, graph, STRENGTH, tolerance=FROM_AFAR).numpy()
+        return smooth(*given, near, STRENGTH, tolerance=FROM_AFAR).numpy()
 
     def _label(self, weights: Float64[np.ndarray, " n"]) -> int:
         """The segment that gives most of a pixel. Raises UsageError for the background."""

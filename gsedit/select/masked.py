@@ -14,6 +14,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 import torch
 from jaxtyping import Bool, Float
+from scipy.sparse import csr_matrix
 from torch import Tensor
 
 from gsedit.errors import GseditError, InputError, UsageError
@@ -30,7 +31,7 @@ from gsedit.select.region import (
     smoothed,
     within_silhouette,
 )
-from gsedit.select.surfaces import Neighbors, neighbors
+from gsedit.select.surfaces import neighbors
 from gsedit.views.around import cameras_of
 from gsedit.views.dataset import View, evenly_spaced
 from gsedit.views.image_ops import downscale
@@ -139,10 +140,10 @@ def lift_masks(
 
 
 def _alike(
-    inside: Bool[Tensor, " n"], values: Float[Tensor, " n"], lifted: Lifted, graph: Neighbors
+    inside: Bool[Tensor, " n"], values: Float[Tensor, " n"], lifted: Lifted, graph: csr_matrix
 ) -> Bool[Tensor, " n"]:
     """The connected parts about whose values the views agree as about the largest one's."""
-    among, (first, second) = inside.numpy(), graph.affinity.nonzero()
+    among, (first, second) = inside.numpy(), graph.nonzero()
     pairs = np.stack((first, second), 1)[among[first] & among[second]].astype(np.int64)
     number = torch.from_numpy(numbered(linked(pairs, len(inside)), among) + 1)
     weight, total = (

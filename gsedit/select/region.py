@@ -13,10 +13,11 @@ from pathlib import Path
 
 import torch
 from jaxtyping import Bool, Float
+from scipy.sparse import csr_matrix
 from torch import Tensor
 
 from gsedit.formats.flags import write_flags
-from gsedit.select.surfaces import Neighbors, neighbors, smooth
+from gsedit.select.surfaces import neighbors, smooth
 from gsedit.views.dataset import evenly_spaced
 from rasterizer.camera import Camera
 from rasterizer.color_weights import color_weights
@@ -165,7 +166,7 @@ def find_drawn(scene: Gaussians, lifted: Lifted) -> Bool[Tensor, " n"]:
     return smoothed(lifted, neighbors(scene)) > MIN_MASK_MEAN
 
 
-def smoothed(lifted: Lifted, graph: Neighbors) -> Float[Tensor, " n"]:
+def smoothed(lifted: Lifted, graph: csr_matrix) -> Float[Tensor, " n"]:
     """Values of which those are sure that many pixels have a part in."""
     seen = lifted.weight > MIN_SEEN_PIXELS
     typical = lifted.weight[seen].median() if seen.any() else torch.tensor(1.0)

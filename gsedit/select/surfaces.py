@@ -55,14 +55,6 @@ SOLVED_TO = 1e-2
 """Relative residual of smoothed values: they are compared with thresholds, not read."""
 
 
-@dataclass(frozen=True, eq=False)
-class Neighbors:
-    """The nearest neighbors of each Gaussian, and how alike they are."""
-
-    affinity: csr_matrix
-    """n x n, symmetric, in [0, 1]: 1 for two of the same color, 0 for no neighbors."""
-
-
 Near = tuple[Float64[np.ndarray, "n k"], Int64[np.ndarray, "n k"]]
 """Distances to the nearest of each Gaussian, nearest first, and their rows."""
 
@@ -76,15 +68,16 @@ def nearest_of(scene: Gaussians) -> Near:
 
 def neighbors(
     scene: Gaussians, normals: Float[Tensor, "n 3"] | None = None, near: Near | None = None
-) -> Neighbors:
-    """The graph of a scene; its colors are those without view dependence.
+) -> csr_matrix:
+    """The graph of a scene, n x n and symmetric: how alike nearest neighbors are, from 0 for no
+    neighbors to 1 for two of one color. Colors are those without view dependence.
 
     With unit normals, two that face apart by SURFACE_ANGLE are as unlike as two colors of two
     surfaces. `near` are the nearest of each (`nearest_of`), where they are known.
     """
     n = len(scene)
     if n < 2:
-        return Neighbors(csr_matrix((n, n)))
+        return csr_matrix((n, n))
     distance, index = nearest_of(scene) if near is None else near
     typical = np.maximum(np.median(distance, axis=1), 1e-12)
     colors = sh_to_color(scene.sh[:, 0].detach().double()).clamp(0, 1).numpy()
@@ -99,13 +92,13 @@ def neighbors(
         alike[:, j] = np.exp(-unlike) * close
     starts = np.arange(n + 1) * index.shape[1]
     matrix = csr_matrix((alike.reshape(-1), index.reshape(-1), starts), shape=(n, n))
-    return Neighbors(matrix.maximum(matrix.T).tocsr())
+    return matrix.maximum(matrix.T).tocsr()
 
 
 def smooth(
     values: Float[Tensor, " n"],
     confidence: Float[Tensor, " n"],
-    graph: Neighbors,
+    graph: csr_matrix,
     strength: float,
     tolerance: float = SOLVED_TO,
 ) -> Float[Tensor, " n"]:
@@ -117,8 +110,8 @@ def smooth(
     are sure, and most follow them from afar.
     """
     c = confidence.double().numpy() + 1e-6
-    degree = np.asarray(graph.affinity.sum(1)).squeeze(1)
-    system = diags(c) + strength * (diags(degree).tocsr() - graph.affinity)
+    degree = np.asarray(graph.sum(1)).squeeze(1)
+    system = diags(c) + strength * (diags(degree).tocsr() - graph)
     given = values.double().numpy()
     preconditioner = diags(1 / system.diagonal())
     solved, _ = cg(system, c * given, x0=given, rtol=tolerance, maxiter=200, M=preconditioner)
@@ -141,7 +134,7 @@ class Surfaces:
     """Pixels that the Gaussian gives, over all looked-at views."""
     solid: Bool[np.ndarray, " n"]
     """Whether it is opaque and small enough to connect others."""
-    graph: Neighbors
+    graph: csr_matrix
     view: int = 0
     """Index of the camera that looks most along the place's front."""
     merged: MergedScene | None = None
@@ -172,7 +165,7 @@ class Surfaces:
     @cached_property
     def edges(self) -> Int[np.ndarray, "e 2"]:
         """Pairs of neighbors that are both solid, the lower row first."""
-        upper = coo_matrix(self.graph.affinity)
+        upper = coo_matrix(self.graph)
         keep = (upper.row < upper.col) & self.solid[upper.row] & self.solid[upper.col]
         return np.stack((upper.row[keep], upper.col[keep]), 1).astype(np.int64)
 
@@ -180,7 +173,7 @@ class Surfaces:
     def alike(self) -> Float64[np.ndarray, " e"]:
         """Affinity of each of the edges, in [0, 1]."""
         pairs = self.edges
-        return np.asarray(self.graph.affinity[pairs[:, 0], pairs[:, 1]]).reshape(-1)
+        return np.asarray(self.graph[pairs[:, 0], pairs[:, 1]]).reshape(-1)
 
     @cached_property
     def areas(self) -> Float64[np.ndarray, " n"]:

@@ -1,9 +1,9 @@
 """Bring a scene to the ground, to a known length, or onto another scene.
 
 Open3D registers one scene to another, by centers and colors of splats. The clouds are thinned to
-even density and scaled to one spread. First guesses come from their principal axes and from RANSAC
-over matches of FPFH descriptors at several relative scales. Each is improved by closest points; the
-one in which most points find a partner, in position and color, is improved further on more points.
+even density and scaled to one spread. First guesses come from their principal axes, the best ones
+again at other scales and places. Each is improved by closest points; the one in which most points
+find a partner, in position and color, is improved further on more points.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ COLOR = 0.15
 """Color difference that counts as much as the distance at which points are partners."""
 FINALISTS = 5
 """Guesses that are compared on more points."""
-RATIOS = (0.63, 0.8, 1.0, 1.25, 1.6)
-"""Relative scales at which descriptors are matched: parts of a scene differ in spread."""
+RATIOS = (0.8, 1.0, 1.25)
+"""Relative scales at which the best guesses are tried again: parts of a scene differ in spread."""
 SLIDES = (-0.6, -0.3, 0.0, 0.3, 0.6)
 """Places along the longest axis, in spreads, where the best guesses are tried again, each at three
 scales: of a part of a long thing, the middle and the spread say little."""
@@ -63,10 +63,8 @@ def register(source: SplatTable, target: SplatTable) -> Match:
     """
     o3d = load_extra("open3d", "to lay a scene on another one")
     (small, into), (large, onto) = (normalised(o3d, each) for each in (source, target))
-    o3d.utility.random.seed(0)
     a, b, cell = _thinned(small, large, COARSE)
-    guesses = [*_by_axes(a, b), *_by_descriptors(o3d, a, b, cell)]
-    found = _best(o3d, a, b, guesses, (8 * cell, 4 * cell, 2 * cell))[:FINALISTS]
+    found = _best(o3d, a, b, [*_by_axes(a, b)], (8 * cell, 4 * cell, 2 * cell))[:FINALISTS]
     slid = [each for guess in found for each in _slid(a, b, guess)]
     found = _best(o3d, a, b, [*found, *slid], (4 * cell, 2 * cell))[:FINALISTS]
     a, b, cell = _thinned(small, large, FINE)
@@ -128,34 +126,8 @@ def _slid(a: Any, b: Any, guess: Similarity) -> Iterator[Similarity]:
     """A guess at other scales and other places along the longest axis of `b`."""
     axis = _axes(b)[1][:, 0]
     middle = guess.points(_axes(a)[0][None])[0]
-    for ratio, step in product(RATIOS[1:-1], SLIDES):
+    for ratio, step in product(RATIOS, SLIDES):
         yield Similarity(np.eye(3), ratio, step * axis).about(middle).after(guess)
-
-
-def _by_descriptors(o3d: Any, a: Any, b: Any, cell: float) -> Iterator[Similarity]:
-    """Guesses from RANSAC over matches of FPFH descriptors."""
-    registration = o3d.pipelines.registration
-    target, theirs = _described(o3d, b, 1.0, cell)
-    for ratio in RATIOS:
-        points, ours = _described(o3d, a, ratio, cell)
-        result = registration.registration_ransac_based_on_feature_matching(
-            points, target, ours, theirs, False, 2 * cell,
-            registration.TransformationEstimationPointToPoint(True), 4,
-            [registration.CorrespondenceCheckerBasedOnDistance(2 * cell)],
-            registration.RANSACConvergenceCriteria(20_000, 0.999),
-        )  # fmt: skip
-        found = _similarity(result.transformation)
-        if found is not None:
-            yield found.after(Similarity(np.eye(3), ratio, np.zeros(3)))
-
-
-def _described(o3d: Any, cloud: Any, ratio: float, cell: float) -> tuple[Any, Any]:
-    """The cloud at another scale, and its FPFH descriptors."""
-    cloud = o3d.geometry.PointCloud(cloud).scale(ratio, np.zeros(3))
-    near, wide = (o3d.geometry.KDTreeSearchParamHybrid(r * cell, n) for r, n in ((3, 30), (6, 100)))
-    cloud.estimate_normals(near)
-    cloud.orient_normals_to_align_with_direction()
-    return cloud, o3d.pipelines.registration.compute_fpfh_feature(cloud, wide)
 
 
 def _best(

@@ -19,7 +19,7 @@ from jaxtyping import Float, Float64, Int
 from gsedit.errors import InputError, UsageError
 from gsedit.formats.validity import describe_invalid, invalid_rows
 from gsedit.scene.morton import morton_order
-from gsedit.scene.neighbors import k_nearest
+from gsedit.scene.neighbors import NEIGHBORS, k_nearest
 from gsedit.scene.quaternions import principal_axes, rotations
 from gsedit.scene.table import SplatTable, concatenate_tables, gaussians_of
 from gsedit.toolkit.operation import Say, Whole
@@ -27,8 +27,6 @@ from gsedit.toolkit.operation import Say, Whole
 if TYPE_CHECKING:
     from rasterizer.camera import Camera
 
-NEIGHBORS = 8
-"""Neighbors of each Gaussian that are tried as its partner."""
 COLOR_WEIGHT = 4.0
 """Cost of a unit of squared color difference, in units of half a log-determinant."""
 LEAST_THICKNESS = 0.1
@@ -250,7 +248,7 @@ def importance(table: SplatTable) -> Float[np.ndarray, " n"]:
 
 
 SIZE, VIEWS = 256, 8
-"""Longer side, pixels, and number of the pictures that tell what changed."""
+"""Longer side, pixels, and number of the pictures that tell what differs."""
 METHODS = ("merge", "importance", "random")
 
 

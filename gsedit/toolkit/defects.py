@@ -282,11 +282,11 @@ def needles(table: SplatTable, about: Surroundings, ratio: float) -> Rows:
     longest = table.log_scales[rows].argmax(1)[:, None, None]
     axes = np.take_along_axis(rotations(table.quats[rows]), longest, 2)[:, :, 0]
     ends = table.means[rows] + length[rows, None] * np.stack((axes, -axes))
-    over = covers(table, ends.reshape(-1, 3))
-    own = rows[over.point % max(len(rows), 1)]
-    holds = ~thin[over.row] | (scales[over.row, 2] <= ALIKE * scales[own, 2])
-    holds &= over.row != own
-    point, row, alpha = over.point[holds], over.row[holds], over.alpha[holds]
+    point, row, alpha = covers(table, ends.reshape(-1, 3))
+    own = rows[point % max(len(rows), 1)]
+    holds = ~thin[row] | (scales[row, 2] <= ALIKE * scales[own, 2])
+    holds &= row != own
+    point, row, alpha = point[holds], row[holds], alpha[holds]
     for _ in range(PEELS):
         stays = ~gone[row]
         covered = np.bincount(point[stays], alpha[stays], 2 * len(rows)).reshape(2, -1).min(0)

@@ -22,6 +22,7 @@ from gsedit.errors import UsageError
 from gsedit.measures import formulas as metrics
 from gsedit.measures.decibels import psnr_from_rmse
 from gsedit.scene.picture import render_picture
+from gsedit.toolkit.decimate import SIZE, VIEWS
 from gsedit.views.around import find_views, view_names
 from gsedit.views.viewpoints import Viewpoint
 from rasterizer.numerics import AUTO, DEFAULT, Execution, Numerics, sh_to_color
@@ -38,8 +39,6 @@ FLIPPED = 0.1
 to be thought of; a frame explains it where it brings it below a fifth of that."""
 RESCALED = 1.2
 """Ratio of extents from which the scale is said to differ."""
-VIEWS, SIZE = 8, 256
-"""Found views, and their pixels, where no cameras are given."""
 
 PROPERTIES: dict[str, Callable[[Gaussians], Float[Tensor, " n"]]] = {
     "x": lambda scene: scene.means[:, 0],

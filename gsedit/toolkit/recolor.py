@@ -18,9 +18,8 @@ from gsedit.errors import InputError, UsageError
 from gsedit.scene.color_space import lab_of_srgb, srgb_of_lab
 from gsedit.scene.table import SplatTable
 from gsedit.select.rules import EVERYTHING, Selection
-from gsedit.toolkit.color_maps import ColorMap, as_table, mapped
 from gsedit.toolkit.filter import as_selection
-from gsedit.toolkit.grade import CurvePoints, Grade, curved
+from gsedit.toolkit.grade import ColorMap, CurvePoints, Grade, as_table, curved, mapped
 from gsedit.toolkit.operation import OnSelection, Say, Scene, Whole, apply
 
 FAINTEST = 1e-6
@@ -107,46 +106,14 @@ TIES = 1e-9
 """Lab, between quantiles that are equal: knots must rise."""
 
 
-@dataclass(frozen=True, eq=False)
-class Step:
-    """Transport along three orthogonal axes at once."""
-
-    axes: Float[np.ndarray, "3 3"]
-    """A row an axis."""
-    before: Float[np.ndarray, "3 k"]
-    """Quantiles before the step, increasing along each axis."""
-    after: Float[np.ndarray, "3 k"]
-    """Quantiles after the step, one for each of `before`."""
-
-    def __call__(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-        along = points @ self.axes.T
-        moved = [_continued(*each) for each in zip(along.T, self.before, self.after)]
-        return points + (np.stack(moved, -1) - along) @ self.axes
-
-
-@dataclass(frozen=True, eq=False)
-class ColorTransport:
-    """A map of display colors: steps in Lab, of which `strength` is done."""
-
-    steps: tuple[Step, ...]
-    strength: float = 1.0
-
-    def __call__(self, srgb: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-        """sRGB to sRGB, both clipped to [0, 1]."""
-        lab = start = lab_of_srgb(np.clip(np.asarray(srgb, np.float64), 0, 1))
-        for step in self.steps:
-            lab = step(lab)
-        moved = start + self.strength * (lab - start)
-        return np.clip(srgb_of_lab(moved), 0, 1)
-
-
 def color_transport(
     source: Float[np.ndarray, "n 3"],
     weights: Float[np.ndarray, " n"],
     target: Float[np.ndarray, "m 3"],
     strength: float = 1.0,
-) -> ColorTransport:
-    """The map of `source` colors, of these weights, to those of a picture; all sRGB.
+) -> ColorMap:
+    """The map of `source` colors, of these weights, to those of a picture, of which `strength` is
+    done; sRGB to sRGB, clipped to [0, 1].
 
     Iterative distribution transfer (Pitie et al. 2007), which descends the sliced Wasserstein
     distance (Rabin et al. 2011): along random axes, quantiles are moved to quantiles.
@@ -158,9 +125,28 @@ def color_transport(
         axes = np.linalg.qr(generator.standard_normal((3, 3)))[0].T
         before = np.stack([quantiles(p, weights) for p in (points @ axes.T).T])
         after = np.stack([quantiles(p, np.ones(len(goal))) for p in (goal @ axes.T).T])
-        steps.append(Step(axes, before + TIES * np.arange(QUANTILES), after))
-        points = steps[-1](points)
-    return ColorTransport(tuple(steps), strength)
+        steps.append((axes, before + TIES * np.arange(QUANTILES), after))
+        points = _transported(points, *steps[-1])
+
+    def moved(srgb: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "m 3"]:
+        lab = start = lab_of_srgb(np.clip(np.asarray(srgb, np.float64), 0, 1))
+        for step in steps:
+            lab = _transported(lab, *step)
+        return np.clip(srgb_of_lab(start + strength * (lab - start)), 0, 1)
+
+    return moved
+
+
+def _transported(
+    points: Float[np.ndarray, "n 3"],
+    axes: Float[np.ndarray, "3 3"],
+    before: Float[np.ndarray, "3 k"],
+    after: Float[np.ndarray, "3 k"],
+) -> Float[np.ndarray, "n 3"]:
+    """Points after a step along three orthogonal axes (rows), quantiles before to those after."""
+    along = points @ axes.T
+    moved = [_continued(*each) for each in zip(along.T, before, after)]
+    return points + (np.stack(moved, -1) - along) @ axes
 
 
 def quantiles(

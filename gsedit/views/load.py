@@ -21,7 +21,7 @@ from torch import Tensor
 from gsedit.errors import InputError, UsageError
 from gsedit.formats.pictures import fitted_size, picture_size, read_mask, read_photo, turned_size
 from gsedit.views.colmap import model_folder, read_colmap
-from gsedit.views.dataset import LEAST_SHARE, Dataset, View, evenly_spaced
+from gsedit.views.dataset import LEAST_SHARE, Dataset, View
 from gsedit.views.image_ops import downscale
 from gsedit.views.lazy_views import PixelCache, Pixels
 from gsedit.views.nerfstudio import read_nerfstudio
@@ -59,31 +59,27 @@ NAMED = 3
 """Missing photos that a message names."""
 
 
-def load_dataset(path: str | Path, *, size: int | None = None, limit: int | None = None) -> Dataset:
+def load_dataset(path: str | Path, *, size: int | None = None) -> Dataset:
     """Read a nerfstudio folder (or its transforms.json) or a COLMAP folder.
 
-    `size`: the longest side of the pictures, pixels; they are never made larger. `limit`: at most
-    this many views, spread evenly over the sorted names. Distortion is undone before a photo is
-    made smaller. World coordinates are those of the files, less `Dataset.offset`. Photos that are
-    listed and not there are left out, with a note in `Dataset.notes`; they are an error where fewer
-    than half or fewer than 8 remain. A photo that cannot be decoded is an InputError when it is
-    read. Cameras keep the renderer's near plane, 0.01 units, unless the sparse points are so close
-    together that they need a nearer one.
+    `size`: the longest side of the pictures, pixels; they are never made larger. Distortion is
+    undone before a photo is made smaller. World coordinates are those of the files, less
+    `Dataset.offset`. Photos that are listed and not there are left out, with a note in
+    `Dataset.notes`; they are an error where fewer than half or fewer than 8 remain. A photo that
+    cannot be decoded is an InputError when it is read. Cameras keep the renderer's near plane, 0.01
+    units, unless the sparse points are so close together that they need a nearer one.
 
-    Raises InputError for what cannot be read, and UsageError for a `size` or `limit` below 1.
+    Raises InputError for what cannot be read, and UsageError for a `size` below 1.
     """
     path = Path(path)
-    for name, value in (("size", size), ("limit", limit)):
-        if value is not None and value < 1:
-            raise UsageError(f"{name} is {value}, but must be at least 1: leave it out for all")
+    if size is not None and size < 1:
+        raise UsageError(f"size is {size}, but must be at least 1: leave it out for all")
     capture = _read(path)
     notes = _missing(path, capture)
     offset = offset_of([photo.world_to_camera for photo in capture.photos])
-    photos = capture.photos
-    chosen = photos if limit is None else [photos[i] for i in evenly_spaced(len(photos), limit)]
-    sources = [_source(photo, size, str(path)) for photo in chosen]
-    notes += [*_notes(chosen, sources), *_new_origin(offset)]
-    views = _views(path, chosen, sources, size, offset)
+    sources = [_source(photo, size, str(path)) for photo in capture.photos]
+    notes += [*_notes(capture.photos, sources), *_new_origin(offset)]
+    views = _views(path, capture.photos, sources, size, offset)
     xyz, rgb = capture.points or (None, None)
     return dataset_near(
         Dataset(
@@ -152,7 +148,7 @@ def _images_folder(photo: PosedPhoto) -> Path | None:
     return next((folder for folder in inside if folder.name == "images"), None)
 
 
-def _notes(photos: list[PosedPhoto] | tuple[PosedPhoto, ...], sources: list[Source]) -> list[str]:
+def _notes(photos: tuple[PosedPhoto, ...], sources: list[Source]) -> list[str]:
     """Sizes that differ from the calibration, and masks, in a line each."""
     notes = []
     scaled = Counter(
@@ -176,7 +172,7 @@ def _notes(photos: list[PosedPhoto] | tuple[PosedPhoto, ...], sources: list[Sour
 
 def _views(
     path: Path,
-    photos: list[PosedPhoto] | tuple[PosedPhoto, ...],
+    photos: tuple[PosedPhoto, ...],
     sources: list[Source],
     size: int | None,
     offset: Float[Tensor, "3"],

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 from gsedit.words import lexicon
 from gsedit.words.instruction import Change, Target
 from gsedit.words.refusals import Refused
-from gsedit.words.scan import Word
+from gsedit.words.scan import DETERMINERS, MANNERS, Word
 
 TONES = frozenset(("noun", "state", "turn", "style", "hue"))
 CONTENT = TONES | {"color", "material", "light", "look", "finish"}
@@ -73,6 +73,8 @@ def clauses(words: list[Word]) -> list[Clause]:
     for before, part in _segments(words):
         kept = found and found[-1].limits and not before.endswith(":")
         heir = opens if _inherits(before, part) and not kept else None
+        if words[0].text == "not" and before == "," and part[0].text in ("a", "an"):
+            heir = None  # "not a watercolor, an oil painting"
         clause = _governed(before, _told(_became(part)), heir)
         opens = clause.opens
         if found and before == "and" and not clause.kinds() & {"do", "wish", "be", "turn"}:
@@ -301,11 +303,12 @@ def _turn(clause: Clause, scope: list[Word], by: Word) -> int:
 
 # ---- the part of the scene that a clause speaks of, and clauses about what no route does ---------
 
-DETERMINERS = frozenset(("the", "my", "this", "that", "our", "your", "his", "her", "their"))
 OWNERS = frozenset(("its", "his", "her", "their"))
 PARTS: dict[str, Target] = {
     "subject": "subject", "background": "background", "ground": "background",
 }  # fmt: skip
+HUNG = frozenset(("put", "add", "place", "attach", "hang", "stick", "adding", "bring"))
+"""Verbs after which a painting is a thing."""
 MOST_UNKNOWN = {"paint": 1, "material": 1, "tone": 2, "light": 3, "look": 3}
 """Words that are not known, beside the name of a change that no verb or part goes with."""
 
@@ -323,7 +326,8 @@ def named_parts(clause: Clause) -> Parts:
         light |= word.kind == "light"
         pointed = light and any(each.kind == "direction" for each in words[max(at - 3, 0) : at])
         cast = light and behind and not any(w.value in ("fog", "cloudy", "storm") for w in words)
-        if word.kind in TARGETS and not pointed and not cast:
+        verb = word.text == "render" and any(w.text in DETERMINERS for w in words[at + 1 : at + 3])
+        if word.kind in TARGETS and not (pointed or cast or verb):
             found.append((at, "background" if behind and word.kind == "subject" else word.kind))
             behind = False
         elif word.kind == "unknown" and is_thing(words, at) and not pointed:
@@ -381,8 +385,17 @@ def refuse_parts(clause: Clause) -> None:
         whole = any(word.kind == "subject" for word in words[at + 1 : at + 4])
         if owned or after or (of and whole):
             raise Refused("part")
+    if any(_hung(words, at) for at, word in enumerate(words) if word.value in lexicon.styles()):
+        raise Refused("geometry")
     if "act" in clause.tags() and not (scenic or kinds & {"noun", "turn", "style"}):
         _refuse_objects(words)
+
+
+def _hung(words: list[Word], at: int) -> bool:
+    """Whether a picture or a poster is a thing to be put somewhere: "hang a poster on the wall"."""
+    verb, article = [word.text for word in words[max(at - 2, 0) : at]] if at > 1 else ("", "")
+    after = words[at + 1].text if at + 1 < len(words) else ""
+    return verb in HUNG and article in ("a", "an", "some", "another") and after not in MANNERS
 
 
 def _refuse_objects(words: list[Word]) -> None:

@@ -93,7 +93,7 @@ def first_refusal(sentence: str, words: list[Word]) -> str | None:
 
 
 LIKENED = re.compile(
-    r"(?:\b(?:style|manner) of|\bpainted by|\b(?:as|like|into) an?)"
+    r"(?:\b(?:style|manner) of|\bpainted by|^like|\bpaint\b.* like|\b(?:as|like|into) an?)"
     r" (?:an? |the )?(?P<what>[a-z0-9' ]+?)(?: (?:style|painting|picture|drawing|print))?$"
 )
 """Manner in which a sentence ends: "in the style of Vermeer", "as a hologram"."""

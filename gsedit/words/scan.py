@@ -12,8 +12,16 @@ from gsedit.words.tokens import MARKS, tokens
 SPELLED = ("noun", "state", "turn", "material", "look", "style", "background", "finish")
 """Kinds whose words are recognized with a slip of spelling."""
 
+DETERMINERS = frozenset(("the", "my", "this", "that", "our", "your", "his", "her", "their"))
+MANNERS = frozenset(
+    ("style", "styles", "look", "way", "manner", "version", "effect", "painting", "painter",
+     "print", "drawing", "picture", "image", "art")
+)  # fmt: skip
+"""Words after a painting style that is no thing: "in the woodcut style", "add a comic look"."""
 SLIP = 2
 """Most letters that are left out: an "impression" is not "impressionist"."""
+LIKENS = ("as", "into", "like", "style of")
+"""Ends of words after which a thing is what a picture is to look like."""
 ALIKE, NEARLY = 0.82, 0.9
 """Least likeness of a word with a slip of spelling, and of one of five letters: "warmr"."""
 BECOME = ("state", "turn", "hue", "color", "material", "light", "slight", "strong")
@@ -48,9 +56,21 @@ def scanned(sentence: str) -> list[Word]:
             word = replace(word, kind="unit", value="stops")
         if found and found[-1].text.endswith(" go") and word.kind in BECOME:
             found[-1] = Word(found[-1].text, "wish", "")  # "should go dark"
+        if word.value in lexicon.styles() and _is_named(found, rest[used:]):
+            word = Word(word.text, "unknown", word.text)
         found.append(word)
         rest = rest[used:]
     return found
+
+
+def _is_named(before: list[Word], after: list[str]) -> bool:
+    """Whether a painting style is the name of a thing: "make the poster darker", "the abstract
+    sculpture"; but "like the cubists", "in the woodcut style"."""
+    likened = [
+        word.kind in ("simile", "asif") or word.text.endswith(LIKENS) for word in before[-3:]
+    ]
+    named = bool(before) and before[-1].text in DETERMINERS
+    return named and not any(likened[:-1]) and not MANNERS & set(after[:1])
 
 
 def _next(words: list[str]) -> tuple[Word, int]:

@@ -31,12 +31,14 @@ GIVEN = Style(LIKE, None)
 def styles_asked(sentence: str) -> tuple[Style, ...]:
     """The styles that a sentence asks for, to be mixed; `GIVEN` for "in the style of this picture".
 
-    Raises UsageError for a sentence that asks for something else, or is refused.
+    Raises UsageError for a sentence that asks for something else, styles of several parts, or is
+    refused.
     """
     read = read_instruction(sentence)
-    part, _, told = sentence.rpartition(" in the style of ")
-    if not read.known and told in STYLES and not any(w.kind in NEGATIONS for w in scanned(part)):
-        return (STYLES[told],)  # of a part whose name only the scene knows
+    told = [each.rpartition(" in the style of ")[2] for each in sentence.split("; ")]
+    denied = any(word.kind in NEGATIONS for word in scanned(sentence))
+    if not read.known and not denied and STYLES.keys() >= set(told):
+        return tuple(map(STYLES.__getitem__, told))  # of a part whose name only the scene knows
     if not read.known:
         raise UsageError(f"{sentence.strip()!r}: {read.why}")
     others = [change for change in read.changes if change.route != "style"]
@@ -47,5 +49,7 @@ def styles_asked(sentence: str) -> tuple[Style, ...]:
             f"{others[0]}: this is no painting style, and is done without a 2D editor: leave "
             "--editor out"
         )
+    if len({change.part for change in read.changes}) > 1:
+        raise UsageError(f"{sentence.strip()!r} asks for styles of several parts: say one part")
     names = dict.fromkeys(change.name for change in read.changes)
     return tuple(GIVEN if name == LIKE else STYLES[name] for name in names)

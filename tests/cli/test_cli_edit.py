@@ -88,8 +88,7 @@ def test_names_follow_an_edit_of_several_steps(scene, photos, tmp_path):
     assert hat is not None
     assert np.load(hat).tolist() == [False, False, True, True, False, False]
     assert gsedit("edit", out, "make the left leg 2 darker", *more, again).exit_code == 2
-    tiny = ("--set", "update.strokes=0")  # the photos have fewer pixels than a filter
-    answer("edit", out, "make it impressionist and then paint the hat gold", *more, again, *tiny)
+    answer("edit", out, "make it impressionist and then paint the hat gold", *more, again)
     assert np.load(again / "region.npy").all()  # the painting reached everything
     assert saved_names(again / "scene.ply") == ("Left_Leg-2", "the hat")
 
@@ -113,7 +112,6 @@ def test_a_sentence_is_cut_where_the_route_changes(text, routes):
 def test_all_steps_are_in_one_folder(scene, photos, tmp_path):
     out = tmp_path / "out"
     words = ("make it 20% darker and impressionist", "--data", photos, "--region", "all")
-    words += ("--set", "update.strokes=0")  # the photos have fewer pixels than a filter
     result = gsedit("edit", scene, *words, "--size", 32, "--json", "-o", out)
     assert result.exit_code == 0, result.stderr
     assert json.loads(result.stdout.splitlines()[-1])["folder"] == str(out)

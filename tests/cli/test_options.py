@@ -177,7 +177,7 @@ def test_settings_of_an_edit_are_listed_and_few_have_a_flag():
     assert {each["flag"] for each in listed.values() if each["flag"]} == FLAGS
     assert listed["sampler.guidance_every"]["default"] == "1"
     assert all(each["meaning"] for each in listed.values())
-    for verb in ("fit", "render", "style", "capture", "clean", "transform", "metrics"):
+    for verb in ("fit", "render", "capture", "clean", "transform", "metrics"):
         assert len(gsedit("list", "settings", verb).stdout.splitlines()) >= 2
 
 

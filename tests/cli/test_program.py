@@ -25,7 +25,7 @@ from gsedit.errors import GseditError, InputError, UsageError
 from rasterizer import compiled
 
 VERBS = (
-    "app", "edit", "make", "style", "capture", "fit", "info", "select", "view", "render", "mesh",
+    "app", "edit", "make", "capture", "fit", "info", "select", "view", "render", "mesh",
     "measure", "diff", "metrics", "convert", "filter", "clean", "decimate", "merge", "transform",
     "bend", "align", "recolor", "list", "doctor", "mcp", "bench",
 )  # fmt: skip

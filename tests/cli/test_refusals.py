@@ -102,9 +102,6 @@ REFUSED = """
 2 | recolor scene.ply --temperature 10 -o a.ply | kelvin
 3 | recolor scene.ply --palette none.png -o a.ply | none.png
 2 | recolor scene.ply --exposure bright -o a.ply | --exposure
-3 | style scene.ply none.png -o a.ply | none.png
-2 | style scene.ply taken.png -o a.obj | scene file
-2 | style scene.ply taken.png -o a.ply --strength 3 | 0 to 1
 
 2 | select room/room.ply --dry-run --at view_0:20 | a column and a row
 2 | select room/room.ply --dry-run --at viewer_0:2,3 | view_0
@@ -185,7 +182,6 @@ REFUSED = """
 2 | render scene.ply -o out --data photos --views 3 | 0 to 2
 2 | render scene.ply -o out --from 1,2 | --from
 2 | render scene.ply -o out --data photos --from 0,0,1 | --from
-2 | render scene.ply -o out --compile | --kernel
 2 | render scene.ply -o out --count 1 --region auto | --prompt
 2 | render scene.ply -o out --count 1 --prompt 'as gold' | --region
 2 | render scene.ply -o out --count 1 --region box:1,2,3 | 6 finite numbers

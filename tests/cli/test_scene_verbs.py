@@ -12,8 +12,7 @@ from command_line import answer, gsedit
 from PIL import Image
 
 from gsedit import load, load_dataset
-from gsedit.formats.files import open_scene, write_scene
-from gsedit.formats.streams import SceneHeader, in_blocks
+from gsedit.formats.files import open_scene
 from gsedit.scene.similarity import Similarity
 from gsedit.scene.table import table_of
 from gsedit.select.region import Region
@@ -131,22 +130,6 @@ def test_what_is_recolored_is_decided_before_colors_change(scene, tmp_path):
         np.testing.assert_array_equal(after.sh[~inside], before.sh[~inside])
         kept = after.logit_opacities[~inside]
         np.testing.assert_array_equal(kept, before.logit_opacities[~inside])
-
-
-def test_style_keeps_the_columns_of_the_file(scene, tmp_path):
-    picture, marked, out = (tmp_path / name for name in ("p.png", "marked.ply", "out.ply"))
-    Image.fromarray(np.random.default_rng(0).integers(0, 255, (32, 32, 3), np.uint8)).save(picture)
-    table = table_of(load(scene))
-    table = table.replace(extra={"label": np.arange(len(table), dtype=np.int32)})
-    header = SceneHeader(table.degree, {"label": np.dtype(np.int32)}, antialiased=True)
-    write_scene(marked, header, in_blocks(table))
-    words = ("--steps", 2, "--views", 2, "--size", 32, "--up", "-y")
-    told = answer("style", marked, picture, *words, "-o", out)
-    assert [each["stage"] for each in told["measures"]] == ["before", "colors", "texture"]
-    kept = open_scene(out)
-    assert np.abs(kept.table().sh - table.sh).max() > 0.05
-    assert kept.header.antialiased
-    assert kept.table().extra["label"].tolist() == list(range(len(table)))
 
 
 def test_selections_use_the_cameras_beside_the_scene(scene, photos, tmp_path):

@@ -87,8 +87,6 @@ def test_times_start_lower_with_less_strength():
         ("strength", 1.1),
         ("eta", 1.5),
         ("t_end", -0.1),
-        ("temperature", 1.1),
-        ("temperature", float("nan")),
         ("consensus_weight", 2.0),
     ],
 )

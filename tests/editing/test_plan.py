@@ -40,7 +40,7 @@ def default_plan(weights: torch.Tensor, whole: torch.Tensor | None = None) -> Vi
     return plan_views(
         weights,
         some.views_per_batch,
-        some.batches,
+        some.most_batches,
         some.coverage,
         overlap=some.overlap,
         whole=whole,

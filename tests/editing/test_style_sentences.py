@@ -14,6 +14,7 @@ from gsedit.errors import UsageError
 from gsedit.paper.editors import make_editor
 from gsedit.paper.settings import EditSettings
 from gsedit.paper.strategies.single_pass import SinglePass
+from gsedit.scene.picture import render_picture
 from gsedit.select.finder import Finder, Names
 from gsedit.select.saved import save_named
 from gsedit.views.viewpoints import viewpoints_of
@@ -64,6 +65,11 @@ def test_exact_changes_and_styles_go_together(half, named):
     assert [change.route for change in result.understood.changes] == ["material", "style"]
     assert (result.scene.sh != half[0].sh).flatten(1).any(1).all()
     assert {"change", "sample", "measure"} <= set(result.timings)
+    for view in (result.originals[0], result.held_out.originals[0]):  # of before all changes
+        assert torch.equal(view.image, render_picture(half[0], view.camera))
+    assert torch.equal(
+        result.finals[0].image, render_picture(result.scene, result.finals[0].camera)
+    )
 
 
 def test_a_region_is_what_is_painted(half, tmp_path):
@@ -95,6 +101,15 @@ def test_what_a_step_is_called_asks_for_its_style(name):
         assert [str(change) for change in read_instruction(words).changes] == [
             words.replace("all but", "everything but")
         ]
+
+
+def test_styles_of_one_part_are_mixed_in_one_step():
+    (step,) = read_steps("a woodcut and a mosaic")
+    names = [style.name for style in styles_asked(step.text)]
+    assert names == ["woodcut", "stained glass"]
+    words = "left leg in the style of woodcut; left leg in the style of comic"
+    assert [style.name for style in styles_asked(words)] == ["woodcut", "comic"]
+    assert len(read_steps("the bear a woodcut and the background a mosaic")) == 2
 
 
 def test_a_name_that_only_the_scene_knows_does_not_hide_the_style():
@@ -132,10 +147,11 @@ def test_what_is_not_drawn_is_refused_with_the_next_move(sentence, how, told):
 @pytest.mark.parametrize(
     ("sentence", "told"),
     [
-        ("a woodcut, and the background a mosaic", "two styles"), ("paint it red", "no painting"),
-        ("not a woodcut", "must not"), ("as pixel art", "nearest are"), ("", "empty"),
+        ("a woodcut, and the background a mosaic", "several parts"), ("", "empty"),
+        ("paint it red", "no painting"), ("not a woodcut", "must not"),
+        ("as pixel art", "nearest are"), ("in the style of this picture", "--like"),
     ],
 )  # fmt: skip
-def test_the_painter_paints_one_style(sentence, told):
+def test_the_painter_paints_one_part(sentence, told):
     with pytest.raises(UsageError, match=told):
         make_editor().check(sentence)

@@ -8,7 +8,13 @@ import torch
 from closeness import EPS32, assert_near
 
 from gsedit.bench.synthetic import demo_scene, ring_cameras, surface_gaussians
-from gsedit.capture.fitting.solve import fit_color_map, solve_colors
+from gsedit.capture.fitting.solve import (
+    PENALTIES,
+    PENALTY,
+    fit_color_map,
+    solve_colors,
+    trusting_penalty,
+)
 from gsedit.views.dataset import View
 from rasterizer.color_weights import color_weights
 from rasterizer.numerics import SH_DC, Execution, color_to_sh, sh_to_color
@@ -129,3 +135,26 @@ def test_a_solve_that_goes_on_at_its_minimum_stays_finite(scene, cameras, logit)
     assert all(each.change.isfinite().all() for each in found)
     assert all(a.mse >= b.mse for a, b in pairwise(found))
     assert bool(found) == (logit > 0)
+
+
+@pytest.mark.parametrize("pixels", [0, 2])
+def test_targets_that_contradict_each_other_are_trusted_less(scene, pixels):
+    """Every second picture is moved; the edit is a map of colors, which none of them needs."""
+    cameras = ring_cameras(demo_scene(), 16, 48)
+    true = [render(scene, each).color.clamp(0, 1).roll(1, -1) for each in cameras]
+    targets = [
+        View(str(i), cameras[i], true[i].roll(pixels * (i % 4 == 0), 1)) for i in range(0, 16, 2)
+    ]
+    inside = torch.ones(len(scene), dtype=torch.bool)
+    found = trusting_penalty(scene, targets, inside)
+    assert found == (PENALTIES[-1] if pixels else PENALTY)
+
+    def error(penalty):
+        *_, last = solve_colors(scene, targets, inside, penalty=penalty)
+        between = zip(cameras[1::2], true[1::2])
+        return sum(
+            (render(last.scene, c).color - picture).square().mean() for c, picture in between
+        )
+
+    assert error(found) <= error(PENALTY)
+    assert trusting_penalty(scene, targets[:5], inside) == PENALTY

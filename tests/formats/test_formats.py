@@ -44,20 +44,6 @@ def assert_equal(a: SplatTable, b: SplatTable) -> None:
         assert column.dtype == b.extra[name].dtype
 
 
-def turned(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """The angle in radians between the rotations of two rows of quaternions."""
-    a, b = (q / np.linalg.norm(q, axis=1, keepdims=True) for q in (a, b))
-    return 2 * np.linalg.norm(a * np.sign((a * b).sum(1, keepdims=True)) - b, axis=1)
-
-
-def nearest(targets: np.ndarray, points: np.ndarray) -> np.ndarray:
-    from scipy.spatial import KDTree
-
-    rows = KDTree(points).query(targets)[1]
-    assert len(np.unique(rows)) == len(points)
-    return rows
-
-
 @pytest.mark.parametrize("degree", [0, 3, 4])
 def test_a_ply_keeps_everything(degree, tmp_path):
     table = random_table(degree=degree)
@@ -120,30 +106,12 @@ def test_the_mark_of_antialiased_scenes_is_read_and_written(word, tmp_path):
     assert open_scene(tmp_path / "b.ply").header.antialiased
 
 
-@pytest.mark.parametrize("degree", range(4))
-@pytest.mark.parametrize("extent", [1.0, 100.0])
-def test_compressed_ply_within_its_quantisation(degree, extent, tmp_path):
-    table = random_table(degree=degree, extent=extent)
-    ours = written(table, tmp_path / "a.compressed.ply")
+def test_others_read_our_compressed_ply(tmp_path):
+    ours = written(random_table(extent=100.0), tmp_path / "a.compressed.ply")
     theirs = gsply.plyread(tmp_path / "a.compressed.ply")
-    np.testing.assert_allclose(ours.means, theirs.means, atol=1e-5 * extent)
-    rows = nearest(table.means, ours.means)
-    assert_within(table, ours[rows], position=0.51 * np.ptp(table.means, axis=0).max() / 1023)
-    if degree:
-        rest = theirs.shN.reshape(len(table), -1, 3)
-        assert np.abs(rest - ours.sh[:, 1:]).max() < 8 / 256 + 1e-5
-        assert np.abs(ours.sh[rows, 1:] - table.sh[:, 1:]).max() < 4.1 / 256
-
-
-def assert_within(table: SplatTable, again: SplatTable, position: float) -> None:
-    """The differences of a packed scene, in the units of its own steps."""
-    assert np.abs(again.means - table.means).max() < position
-    scale_step = np.ptp(table.log_scales, axis=0).max() / 1023
-    assert np.abs(again.log_scales - table.log_scales).max() < 0.51 * scale_step
-    assert np.abs(again.opacities - table.opacities).max() < 0.51 / 255
-    assert np.abs(again.colors - table.colors).max() < 0.51 / 255 * np.ptp(table.colors)
-    # three numbers of 10 bits over sqrt(2), half a step each, and the fourth from them
-    assert turned(again.quats, table.quats).max() < 4 * 3**0.5 * 2**0.5 / 1023
+    np.testing.assert_allclose(ours.means, theirs.means, atol=1e-3)
+    rest = theirs.shN.reshape(len(ours), -1, 3)
+    assert np.abs(rest - ours.sh[:, 1:]).max() < 8 / 256 + 1e-5
 
 
 @pytest.mark.parametrize(

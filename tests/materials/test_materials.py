@@ -14,9 +14,8 @@ from plain_scenes import needles, same_bits
 
 from gsedit.bench.synthetic import ring_cameras, scenes
 from gsedit.change.materials.apply import Relief, displayed, engraved, in_material
-from gsedit.change.materials.named import material_of
 from gsedit.change.materials.shading import Ground, environment_brdf, share_of
-from gsedit.change.materials.table import MATERIALS, Layer, Material, PatternName
+from gsedit.change.materials.table import MATERIALS, Layer, Material, PatternName, material_of
 from gsedit.errors import UsageError
 from gsedit.scene.picture import render_picture
 from gsedit.scene.quaternions import even_directions

@@ -1,16 +1,14 @@
-"""MP4, GIF and EXR: what comes back, and nothing left of what was interrupted."""
+"""MP4 and GIF: what comes back, and nothing left of what was interrupted."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from exr_files import read_exr
 from PIL import Image
 from videos import read_frames
 
 from gsedit import write_gif, write_mp4
 from gsedit.errors import UsageError
-from gsedit.pictures.rendered_views import write_exr
 
 
 def frames(count: int = 6, height: int = 48, width: int = 64) -> list[np.ndarray]:
@@ -77,14 +75,3 @@ def test_an_interrupted_animation_leaves_nothing(write, name, tmp_path):
         write(iter(frames(2)), tmp_path / name, 10.0)
     with pytest.raises(UsageError, match="no frames"):
         write([], tmp_path / "none", 10.0)
-
-
-def test_an_exr_holds_float32_exactly(tmp_path):
-    pytest.importorskip("OpenEXR")
-    values = np.random.default_rng(0).normal(0, 1e4, (5, 5, 7)).astype(np.float32)
-    names = ("A", "B", "N.X", "R", "Z")
-    write_exr(dict(zip(names, values)), tmp_path / "a.exr", comments="why")
-    found = read_exr(tmp_path / "a.exr")
-    assert set(found) == set(names)
-    for name, expected in zip(names, values):
-        np.testing.assert_array_equal(found[name], expected)

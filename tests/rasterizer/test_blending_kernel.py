@@ -9,7 +9,8 @@ import torch
 from closeness import leaves, relative, tensors, weights_like
 from scenes import camera, cloud, gaussian
 
-from gsedit.bench.renderer.speed import synthetic
+from gsedit.bench.synthetic import ring_cameras, surface_gaussians
+from gsedit.bench.synthetic.gallery import columns
 from rasterizer import Execution, Numerics, compiler, concatenate, render, shipped
 from rasterizer.blending import cpp_backend
 
@@ -81,10 +82,10 @@ def test_depth_is_one_more_feature():
 
 def test_stopping_early_keeps_the_gradients_of_opaque_discs():
     """Blocks of pixels that closed at the whole stop would leave out five times as much."""
-    (columns,) = synthetic(("columns",), 15_000, 128)
-    scene = columns.scene.to(torch.float64)
-    wanted, exact = gradients(scene, columns.camera, COMPILED)
-    found, close = gradients(scene, columns.camera, COMPILED, Numerics())
+    scene = surface_gaussians(columns(), 15_000, torch.Generator().manual_seed(0)).to(torch.float64)
+    (view,) = ring_cameras(columns(), 1, 128)
+    wanted, exact = gradients(scene, view, COMPILED)
+    found, close = gradients(scene, view, COMPILED, Numerics())
     assert (found.alpha - wanted.alpha).abs().max() < LEFT_OUT
     assert (found.color - wanted.color).abs().max() < LEFT_OUT
     for a, b in zip(close, exact):

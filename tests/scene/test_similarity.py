@@ -8,7 +8,6 @@ import torch
 
 from gsedit.scene.quaternions import (
     axis_rotation,
-    harmonics,
     quaternion_of,
     rotate_sh,
     rotation_of,
@@ -35,12 +34,6 @@ def covariances(table: SplatTable) -> np.ndarray:
     axes = np.stack([rotation_of(quat) for quat in table.quats])
     axes = axes * np.exp(table.log_scales.astype(np.float64))[:, None]
     return axes @ axes.transpose(0, 2, 1)
-
-
-def test_the_harmonics_are_those_of_the_renderer():
-    ours = harmonics(DIRECTIONS, 4)
-    theirs = basis(torch.from_numpy(DIRECTIONS), 4).numpy()
-    assert np.abs(ours - theirs).max() < 1e-12
 
 
 @pytest.mark.parametrize("turn", [TURN, MIRROR, np.diag([-1.0, 1.0, 1.0]), -np.eye(3)])

@@ -14,10 +14,9 @@ from gsedit.bench.synthetic.paint import plain
 from gsedit.bench.synthetic.scene import SyntheticScene
 from gsedit.bench.synthetic.shapes import box, cylinder, smooth_union, translate, union
 from gsedit.bench.synthetic.splats import surface_gaussians
-from gsedit.change.objects import Click, Selector
 from gsedit.errors import UsageError
 from gsedit.scene.similarity import Similarity, moved_camera
-from gsedit.select import surfaces
+from gsedit.select import Click, Selector, surfaces
 from gsedit.select.region import Region, coverage, in_one_color
 from gsedit.toolkit import transform
 from rasterizer import render

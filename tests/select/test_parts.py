@@ -16,7 +16,7 @@ from gsedit.bench.synthetic.paint import parts as painted
 from gsedit.bench.synthetic.scene import SyntheticScene
 from gsedit.bench.synthetic.shapes import box, cylinder, smooth_union, sphere, translate, union
 from gsedit.bench.synthetic.splats import surface_gaussians
-from gsedit.change.objects import Click, Selector
+from gsedit.select import Click, Selector
 from gsedit.select import parts as rules
 from gsedit.select.parts import parts
 from gsedit.select.surfaces import Surfaces, look

@@ -11,8 +11,8 @@ import torch
 from bench.staged import stage
 from playroom import playroom
 
-from gsedit.change.objects import find_phrase, segment
 from gsedit.errors import UsageError
+from gsedit.select import find_phrase, segment
 from gsedit.select.phrase import names, read_phrase
 
 PHRASES = Path(__file__).parents[1] / "data" / "phrases"

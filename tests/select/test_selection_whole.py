@@ -13,7 +13,7 @@ from gsedit import View
 from gsedit.errors import InputError, UsageError
 from gsedit.scene.table import SplatTable, gaussians_of
 from gsedit.select import Finder
-from gsedit.select.rules import cluster, cluster_labels, grow, middle, shrink
+from gsedit.select.rules import cluster_labels, grow, middle, shrink
 from gsedit.toolkit import filter, select, where
 from gsedit.views.cameras_json import read_cameras, write_cameras
 from rasterizer import Camera, look_at
@@ -171,17 +171,6 @@ def test_masks_drawn_on_renders_select_what_is_behind_them(tmp_path):
     found = finder.select(str(tmp_path))
     assert found.how == f"mask('{tmp_path}')"
     assert found.inside.tolist() == [True] * 40 + [False] * 40
-
-
-def test_wrong_numbers_are_refused():
-    for text in (
-        "cluster(0)", "cluster(gap=0)", "cluster_at(0, 0, inf)", "grow(all(), 0)",
-        "shrink(all(), -1)", "seen('c.json', 0)",
-    ):  # fmt: skip
-        with pytest.raises(UsageError):
-            where(text)
-    with pytest.raises(UsageError):
-        cluster(0)
 
 
 # ---- the part of a scene that its cameras stand around ------------------------------------------

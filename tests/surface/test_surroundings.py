@@ -10,7 +10,7 @@ from plain_scenes import cloud
 from gsedit.scene.color_space import linear_of_srgb
 from gsedit.scene.quaternions import even_directions
 from gsedit.views import surroundings as light
-from gsedit.views.surroundings import cell_areas, cell_directions, halved, look_up
+from gsedit.views.surroundings import cell_areas, cell_directions, look_up
 from rasterizer.scene import Gaussians, concatenate
 
 SKY = 3000
@@ -105,11 +105,3 @@ def test_balance_takes_the_mean_color_and_keeps_the_luminance(found):
     assert float(after.std()) < 1e-3 * float(after.mean())
     weights = torch.tensor(light.LUMINANCE, dtype=after.dtype)
     torch.testing.assert_close(after @ weights, before @ weights)
-
-
-def test_maps_are_looked_up_at_their_cells():
-    directions = cell_directions(16)
-    torch.testing.assert_close(look_up(directions, directions), directions, atol=1e-5, rtol=0)
-    torch.testing.assert_close(cell_areas(16).sum(), torch.tensor(4 * torch.pi))
-    means = halved(directions, 8)
-    assert float((means - cell_directions(8)).abs().max()) < 0.05

@@ -13,8 +13,7 @@ from gsedit.formats.streams import SceneHeader, gather, in_blocks
 from gsedit.scene.quaternions import even_directions, harmonics
 from gsedit.scene.table import SplatTable, gaussians_of
 from gsedit.toolkit import Opacity, Recolor, Selection, apply, recolor
-from gsedit.toolkit.color_maps import mapped
-from gsedit.toolkit.grade import Grade, curved, parse_curve, white
+from gsedit.toolkit.grade import Grade, curved, mapped, parse_curve, white
 from gsedit.toolkit.operation import run
 from rasterizer import look_at, render
 

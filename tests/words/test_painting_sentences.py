@@ -60,3 +60,42 @@ def test_sentences_about_paintings_are_read_and_nothing_kept_is_painted(held_out
     assert grades.total() == 30
     assert not grades["opposite"]
     assert grades["right"] >= least, grades
+
+
+@pytest.mark.parametrize(
+    "sentence",
+    [
+        "make the poster darker", "paint the mosaic red", "the comic on the table should be red",
+        "paint the tiffany lamp red", "make the abstract sculpture red", "remove the poster",
+        "put a poster on the wall", "add a mosaic to the floor", "paint it red and black",
+        "paint the bear charcoal", "the bear made of stained glass", "vincent wants it red",
+    ],
+)  # fmt: skip
+def test_a_thing_that_is_called_as_a_style_is_no_style(sentence):
+    assert all(change.route != "style" for change in read_instruction(sentence).changes)
+
+
+@pytest.mark.parametrize(
+    ("sentence", "target", "style"),
+    [
+        ("in the woodcut style", "scene", "woodcut"), ("like the cubists", "scene", "cubist"),
+        ("the bear in the comic look", "subject", "comic"), ("add a comic look", "scene", "comic"),
+        ("render only the bear as a comic", "subject", "comic"),
+        ("a mosaic out of the vase only", "subject", "stained glass"),
+        ("make a woodcut of the vase only", "subject", "woodcut"),
+        ("make a woodcut of the vase", "scene", "woodcut"),
+        ("paint everything around the vase in the style of Picasso", "background", "cubist"),
+        ("the lawn like a mosaic", "background", "stained glass"),
+        ("a painting by Monet", "scene", "impressionist"),
+        ("the background like the attached painting", "background", LIKE),
+    ],
+)  # fmt: skip
+def test_a_style_is_of_the_part_that_is_named(sentence, target, style):
+    read = read_instruction(sentence)
+    assert [(each.route, each.target, each.name) for each in read.changes] == [
+        ("style", target, style)
+    ]
+
+
+def test_the_sky_alone_is_not_painted():
+    assert read_instruction("just the sky as a woodcut").refusal == "part"

@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import torch
-from jaxtyping import Bool, Float
 from torch import Tensor
 
 from gsedit.app.steps import region_file
 from gsedit.errors import UsageError
+from gsedit.select.rules import inside_box
 
 if TYPE_CHECKING:
     from gsedit.app.page import Page
@@ -22,13 +22,6 @@ STEPS = 400
 """Steps of a slider."""
 MARGIN = 0.02
 """Share of the bulk's radius that the box around a selection is larger."""
-
-
-def inside_box(
-    means: Float[Tensor, "n 3"], low: Float[Tensor, "3"], high: Float[Tensor, "3"]
-) -> Bool[Tensor, " n"]:
-    """Whether each center is in a box, its sides included."""
-    return ((means >= low) & (means <= high)).all(1)
 
 
 class Crop:
@@ -71,7 +64,9 @@ class Crop:
             return
         self.folder.visible = True
         scene, corners = self.page.scene, self.box()
-        self.tab.soon("crop", lambda: ~inside_box(scene.means, *corners), self.tab.tint)
+        low, high = (each.tolist() for each in corners)
+        outside = lambda: torch.from_numpy(~inside_box(scene.means.numpy(), low, high))  # noqa: E731
+        self.tab.soon("crop", outside, self.tab.tint)
 
     def selected(self) -> Tensor:
         """The selection. Raises UsageError where nothing is selected."""

@@ -8,6 +8,7 @@ from pathlib import Path
 from threading import RLock
 from typing import TYPE_CHECKING, Any
 
+from gsedit.app.panels.styles import Styles
 from gsedit.app.previews import Previewer
 from gsedit.app.reading import LEAST, Knob, Reading, knobs_of, read, turned
 from gsedit.errors import UsageError
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 EXAMPLES = (
     "turn it into bronze", "paint it glossy red", "make it night", "make it snow",
     "a thick layer of snow on it", "make it half the size", "remove it", "autumn",
+    "like Van Gogh",
 )  # fmt: skip
 PREVIEW = "preview"
 STEP = 0.01
@@ -44,6 +46,7 @@ class Say:
         self.told = gui.add_html(_HELP)
         self.folder = gui.add_folder("amounts", visible=False)
         self.tones = self.add_tones()
+        self.styles = Styles(self)
         self.buttons = gui.add_button_group("", ("Preview", "Apply"))
         self.waits = gui.add_markdown("*Working on the preview…*", visible=False)
         self.back = gui.add_button("End the preview", icon="arrow-back", visible=False)

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import inf
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar, cast
+from typing import Any, TypeVar, cast
 
 import numpy as np
 import torch
@@ -27,7 +27,8 @@ from gsedit.bench.renderer.accuracy import (
     reference_of,
 )
 from gsedit.bench.results import commit, machine, markdown_table
-from gsedit.bench.synthetic import ring_cameras, scenes, surface_gaussians
+from gsedit.bench.synthetic import ring_cameras, surface_gaussians
+from gsedit.bench.synthetic.gallery import columns
 from gsedit.capture.fitting.photometric import photometric
 from gsedit.errors import InputError
 from gsedit.run.events import Event
@@ -38,21 +39,17 @@ from rasterizer.numerics import AUTO, SH_DC, Kernel
 from rasterizer.project import Box
 from rasterizer.reference import render_reference
 
-SYNTHETIC = ("columns", "cage")
-"""Synthetic scenes that are measured: one hides most of itself, one has bars a few pixels wide."""
-
 
 @dataclass(frozen=True, eq=False)
 class Workload:
     """A scene and the camera that it is drawn from."""
 
-    name: str
     scene: Gaussians
     camera: Camera
 
 
-def garden(scale: float, path: Path, view: int = 0) -> Workload:
-    """111,785 Gaussians and a camera of 648x420 pixels times `scale`; `view` is 0, 1 or 2.
+def garden(scale: float, path: Path) -> Workload:
+    """111,785 Gaussians and the first camera, of 648x420 pixels times `scale`.
 
     The points of mip-NeRF 360's garden (gsplat's test asset: means3d, colors, Ks, viewmats, width,
     height) inside [-2, 2]^3 keep their colors; scales, rotations and opacities are drawn, in this
@@ -63,7 +60,7 @@ def garden(scale: float, path: Path, view: int = 0) -> Workload:
             data = {name: file[name] for name in file.files}
         inside = (np.abs(data["means3d"]) <= 2).all(1)
         means, colors = data["means3d"][inside], data["colors"][inside]
-        k, pose = data["Ks"][view], torch.from_numpy(data["viewmats"][view]).double()
+        k, pose = data["Ks"][0], torch.from_numpy(data["viewmats"][0]).double()
         width, height = int(data["width"]), int(data["height"])
     except (OSError, ValueError, KeyError, IndexError, EOFError) as error:
         raise InputError(
@@ -85,34 +82,7 @@ def garden(scale: float, path: Path, view: int = 0) -> Workload:
     fx, fy, cx, cy = (float(k[i, j]) for i, j in ((0, 0), (1, 1), (0, 2), (1, 2)))
     camera = Camera(pose, fx, fy, cx, cy, width, height)
     camera = camera.resized(round(width * scale), round(height * scale))
-    name = f"garden x{scale:g}" + (f", view {view}" if view else "")
-    return Workload(name, scene.to(torch.float32), camera)
-
-
-def synthetic(
-    names: tuple[str, ...] = SYNTHETIC, count: int = 30_000, size: int = 256
-) -> list[Workload]:
-    """Discs on the surfaces of synthetic scenes."""
-    chosen = [scene for scene in scenes() if scene.name in names]
-    return [
-        Workload(
-            scene.name,
-            surface_gaussians(scene, count, torch.Generator().manual_seed(0)),
-            ring_cameras(scene, 1, size)[0],
-        )
-        for scene in chosen
-    ]
-
-
-def smaller(workload: Workload, factor: int) -> Workload:
-    """Take every `factor`-th Gaussian and pixel of a workload, for a quick run."""
-    camera = workload.camera
-    return replace(
-        workload,
-        name=f"{workload.name}, 1 in {factor}",
-        scene=workload.scene[::factor],
-        camera=camera.resized(max(1, camera.width // factor), max(1, camera.height // factor)),
-    )
+    return Workload(scene.to(torch.float32), camera)
 
 
 GARDEN_SCALES = (1.0, 0.25)
@@ -120,21 +90,10 @@ DSSIM_WEIGHT = 0.2
 """Weight of DSSIM in the loss of a fit."""
 REFERENCE_SECONDS = 10.0
 """No run of the reference begins after them."""
-RUNS, QUICK_RUNS, QUICK_SHRINK = 7, 2, 16
-"""Runs of a case, and those of a quick one, on every so many Gaussians and pixels."""
-
-
-class TrainingStep(NamedTuple):
-    """Size of the training step that is measured."""
-
-    gaussians: int = 61_000
-    side: int = 256
-    """Side of the picture, pixels."""
-    crop: int = 64
-    """Side of its crop, pixels."""
-
-
-TRAINING = TrainingStep()
+RUNS = 7
+TRAINED_GAUSSIANS = 61_000
+TRAINED_SIDE, CROP_SIDE = 256, 64
+"""Sides of the picture of a training step and of its crop, pixels."""
 GOALS: Mapping[str, Mapping[str, float]] = {
     "garden 648x420": {"compiled": 150.0, "torch": 18.0},
     "garden 162x105": {"compiled": 100.0, "torch": 12.0},
@@ -216,12 +175,7 @@ def kernels() -> tuple[Kernel, ...]:
     return ("compiled", "torch") if is_compiled(AUTO) else ("torch",)
 
 
-def measure_targets(
-    points: Path | None,
-    *,
-    quick: bool = False,
-    training: TrainingStep = TRAINING,
-) -> Iterator[Event | Speed]:
+def measure_targets(points: Path | None) -> Iterator[Event | Speed]:
     """Every case by both kernels, and events that name the next ones; those of the garden where its
     points are given."""
     stopwatch = Stopwatch()
@@ -229,38 +183,37 @@ def measure_targets(
         yield Event(
             "targets", 0.0, note="the garden's points are not given: its targets are left out"
         )
-    found = cases(points, QUICK_SHRINK if quick else 1, training)
+    found = cases(points)
     for step, case in enumerate(found):
         yield Event("targets", stopwatch.seconds, step, len(found), note=case.name)
-        yield from measure_case(case, QUICK_RUNS if quick else RUNS)
+        yield from measure_case(case, RUNS)
     yield Event("targets", stopwatch.seconds, len(found), len(found))
 
 
-def cases(points: Path | None, shrink: int, training: TrainingStep) -> list[Case]:
-    """The garden at two sizes, a training step, a crop; of every `shrink`-th Gaussian and pixel."""
+def cases(points: Path | None) -> list[Case]:
+    """The garden at two sizes, a training step, a crop of it."""
     found = []
     for scale in GARDEN_SCALES if points is not None else ():
         one = garden(scale, cast("Path", points))
-        name = f"garden {one.camera.width}x{one.camera.height}"
-        found.append(_case(name, one, shrink))
-    (trained,) = synthetic(("columns",), training.gaussians, training.side)
-    found.append(_case("training step", trained, shrink, photometric_loss))
-    side = training.crop // shrink
-    left = (training.side - training.crop) // 2 // shrink
-    return [*found, _case("crop", trained, shrink, box=(left, left, side, side))]
+        found.append(_case(f"garden {one.camera.width}x{one.camera.height}", one, weighted_sum))
+    trained = Workload(
+        surface_gaussians(columns(), TRAINED_GAUSSIANS, torch.Generator().manual_seed(0)),
+        ring_cameras(columns(), 1, TRAINED_SIDE)[0],
+    )
+    found.append(_case("training step", trained, photometric_loss))
+    left = (TRAINED_SIDE - CROP_SIDE) // 2
+    return [*found, _case("crop", trained, weighted_sum, (left, left, CROP_SIDE, CROP_SIDE))]
 
 
 def _case(
     name: str,
     workload: Workload,
-    shrink: int,
-    loss_of: Callable[[Float[Tensor, "h w 3"]], Loss] | None = None,
+    loss_of: Callable[[Float[Tensor, "h w 3"]], Loss],
     box: Box | None = None,
 ) -> Case:
-    workload = smaller(workload, shrink) if shrink > 1 else workload
     width, height = box[2:] if box else (workload.camera.width, workload.camera.height)
     pixels = torch.rand(height, width, 3, generator=torch.Generator().manual_seed(0))
-    return Case(name, workload, (loss_of or weighted_sum)(pixels), box)
+    return Case(name, workload, loss_of(pixels), box)
 
 
 def weighted_sum(weights: Float[Tensor, "h w 3"]) -> Loss:

@@ -5,21 +5,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from gsedit.bench.synthetic.paint import Colors, Paint
-from gsedit.bench.synthetic.scene import SyntheticScene
-from gsedit.bench.synthetic.shapes import Points, Sdf, Triple, gradient
-from gsedit.scene.quaternions import even_directions
+from gsedit.bench.synthetic.shapes import Points, Sdf, Triple
 
 GAMMA = 2.2
 """Exponent of the display."""
-SKY_RAYS = 96
-"""Even directions of the whole sphere, of which the upper half is the sky."""
 SUN_RAYS = 7
 """Directions on a cone around the sun's, which give its shadow a soft edge."""
 SHADOW_STEPS = 96
@@ -43,33 +38,6 @@ class Daylight:
     """Linear light from below on what faces down."""
     blur: float = 0.035
     """Half the angle of the sun, radians."""
-
-
-def under(scene: SyntheticScene, coat: Paint, light: Daylight) -> SyntheticScene:
-    """The scene in a paint without light, under another light; its background stays."""
-    return replace(scene, albedo=shone(coat, scene.sdf, light, scene.up, 2 * scene.radius))
-
-
-def shone(coat: Paint, solid: Sdf, light: Daylight, up: Float[Tensor, "3"], reach: float) -> Paint:
-    """The paint under a light; what hides it within `reach` world units casts shadows."""
-    sky = torch.from_numpy(even_directions(SKY_RAYS)).double()
-    sky = sky[sky @ up > 0]
-    sun = sun_rays(light)
-    level = (sky @ up).sum()
-
-    def paint(points: Points) -> Colors:
-        points = points.double()
-        normals = torch.nn.functional.normalize(gradient(solid, points), dim=-1)
-
-        from_sky = arriving(solid, points, normals, sky, reach)[..., None] / level
-        from_sky = from_sky * points.new_tensor(light.sky)
-        from_sun = arriving(solid, points, normals, sun, reach)[..., None] / len(sun)
-        from_sun = from_sun * points.new_tensor(light.sunlight)
-        below = (0.5 - 0.5 * (normals @ up))[..., None] * points.new_tensor(light.ground)
-        shade = (from_sky + from_sun + below) ** (1 / GAMMA)
-        return (coat(points) * shade).clamp(0, 1)
-
-    return paint
 
 
 def arriving(

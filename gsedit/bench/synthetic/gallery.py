@@ -7,7 +7,6 @@ from math import cos, pi, sin
 
 import torch
 
-from gsedit.bench.synthetic.daylight import Daylight, under
 from gsedit.bench.synthetic.paint import (
     Paint,
     checker,
@@ -67,7 +66,7 @@ def links() -> SyntheticScene:
     return _painted("links", zip(rings, coats), background=(0.95, 0.93, 0.88), radius=1.3)
 
 
-def columns(light: Daylight | None = None) -> SyntheticScene:
+def columns() -> SyntheticScene:
     """A ring of pillars around a ball on a floor: most of it is hidden from any one camera."""
     angles = [2 * pi * i / 7 for i in range(7)]
     pillar = cylinder(0.13, 0.62, rounding=0.03)
@@ -81,7 +80,7 @@ def columns(light: Daylight | None = None) -> SyntheticScene:
         ),
         (floor, mix(plain((0.35, 0.4, 0.35)), plain((0.7, 0.72, 0.65)), checker(0.5))),
     )
-    return _painted("columns", painted, (0.75, 0.85, 0.95), radius=1.4, light=light)
+    return _painted("columns", painted, (0.75, 0.85, 0.95), radius=1.4)
 
 
 def cage() -> SyntheticScene:
@@ -116,11 +115,9 @@ def pond() -> SyntheticScene:
     return _scene("pond", hills, lit(paint, hills, LIGHT), background=(0.8, 0.88, 0.95), radius=1.4)
 
 
-def demo_scene(light: Daylight | None = None) -> SyntheticScene:
-    """A teddy bear with a scarf, seated on a plinth on a tiled floor; it faces -y, z is up.
-
-    Without a light it has that of every scene here."""
-    return _painted("bear", demo_solids(), (0.74, 0.84, 0.9), radius=1.2, light=light)
+def demo_scene() -> SyntheticScene:
+    """A teddy bear with a scarf, seated on a plinth on a tiled floor; it faces -y, z is up."""
+    return _painted("bear", demo_solids(), (0.74, 0.84, 0.9), radius=1.2)
 
 
 def demo_solids() -> tuple[tuple[Sdf, Paint], ...]:
@@ -198,17 +195,12 @@ def _slabs() -> Paint:
 
 
 def _painted(
-    name: str,
-    painted: Iterable[tuple[Sdf, Paint]],
-    background: Triple,
-    radius: float,
-    light: Daylight | None = None,
+    name: str, painted: Iterable[tuple[Sdf, Paint]], background: Triple, radius: float
 ) -> SyntheticScene:
-    """The union of solids, each in its paint, under a light or lit from one side."""
+    """The union of solids, each in its paint, lit from one side."""
     painted = tuple(painted)
     solid, coat = union(*(part for part, _ in painted)), parts(*painted)
-    scene = _scene(name, solid, lit(coat, solid, LIGHT), background, radius)
-    return scene if light is None else under(scene, coat, light)
+    return _scene(name, solid, lit(coat, solid, LIGHT), background, radius)
 
 
 def _scene(

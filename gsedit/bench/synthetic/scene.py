@@ -7,13 +7,13 @@ depth along the view. Float64 throughout; no rasterizer, no graphics driver.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import torch
 from jaxtyping import Bool, Float, Shaped
 from torch import Tensor
 
-from gsedit.bench.synthetic.paint import Colors, Paint
+from gsedit.bench.synthetic.paint import Paint
 from gsedit.bench.synthetic.shapes import Sdf, gradient, length
 from rasterizer.camera import Camera
 
@@ -101,15 +101,6 @@ class SyntheticScene:
         hit = depth.isfinite()
         points = camera_a.unproject(xy, depth.masked_fill(~hit, torch.nan))
         return camera_b.project(points)[0], hit & self.visible(points, camera_b)
-
-    def edited(self, transform: Callable[[Colors], Colors]) -> SyntheticScene:
-        """The ground truth of an edit that replaces every color by its `transform`."""
-        albedo = self.albedo
-        return replace(
-            self,
-            albedo=lambda points: transform(albedo(points)),
-            background=transform(self.background),
-        )
 
     def _image(self, points: Float[Tensor, "k 3"], hit: Bool[Tensor, " m"]) -> Float[Tensor, "m 3"]:
         """Colors of rays: the albedo where they hit, else the background."""

@@ -77,6 +77,13 @@ def fit_color_map(
 
 PENALTY = 0.05
 """Pixels: what a Gaussian must show, over all views, before pictures outweigh the map."""
+PENALTIES = (PENALTY, 0.5, 5.0)
+"""Penalties that are tried on targets that may contradict each other."""
+AS_GOOD = 1.1
+"""Errors within so many times the least count as equal: of targets that contradict each other, the
+ones that are left out are wrong themselves."""
+LEFT_OUT = 3
+"""Every so many targets are left out to try a penalty: the others predict them."""
 BAND_PENALTY = 1.0
 """Pixels: the same of the change of view-dependent color, which the map leaves as it is."""
 MOST_COEFFICIENTS = 4
@@ -175,6 +182,42 @@ def solve_colors(
     found = _descend(views, change, moved, sums[:, :, :1], prior, least_gain_db)
     for solved, mse in islice(found, most_iterations):
         yield Solution(scene, solved, mse, count, followed.error)
+
+
+@torch.no_grad()
+def trusting_penalty(
+    scene: Gaussians,
+    targets: Sequence[View],
+    inside: Bool[Tensor, " n"],
+    *,
+    pictures: Sequence[Float[Tensor, "h w 3"]] | None = None,
+    execution: Execution = AUTO,
+) -> float:
+    """The largest penalty by which some targets predict the others as well as by any: the more they
+    contradict each other, the less a solve should follow them beyond the map of colors. PENALTY for
+    fewer targets than can be parted. The arguments are those of `solve_colors`.
+    """
+    parts = [range(0, len(targets), LEFT_OUT), range(1, len(targets), LEFT_OUT)]
+    if len(targets) < 2 * LEFT_OUT:
+        return PENALTY
+    errors = dict.fromkeys(PENALTIES, 0.0)
+    for left in parts:
+        kept = [i for i in range(len(targets)) if i not in left]
+        shown = None if pictures is None else [pictures[i] for i in kept]
+        for penalty in PENALTIES:
+            found = solve_colors(
+                scene, [targets[i] for i in kept], inside,
+                pictures=shown, penalty=penalty, execution=execution,
+            )  # fmt: skip
+            solved = scene  # where there is nothing to solve
+            for each in found:
+                solved = each.scene
+            drawn = [render(solved, targets[i].camera, execution=execution) for i in left]
+            errors[penalty] += sum(
+                float((each.color.clamp(0, 1) - targets[i].image).square().mean())
+                for each, i in zip(drawn, left)
+            )
+    return max(p for p in PENALTIES if errors[p] <= AS_GOOD * min(errors.values()))
 
 
 def _coefficients(scene: Gaussians) -> int:

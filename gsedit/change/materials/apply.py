@@ -36,6 +36,7 @@ from gsedit.errors import UsageError
 from gsedit.scene.cache import cached_per_scene
 from gsedit.scene.color_space import LUMINANCE, linear_of_srgb, srgb_of_linear
 from gsedit.scene.framing import guess_up
+from gsedit.scene.outcome import Outcome
 from gsedit.scene.quantiles import ends
 from gsedit.scene.quaternions import even_directions, turn_between
 from gsedit.views.dataset import evenly_spaced
@@ -165,8 +166,6 @@ CAMERAS = 40
 """Most cameras whose directions colors are fitted to."""
 BEHIND = 0.1
 """Sine beyond the horizon up to which a surface is seen: its Gaussians are not flat."""
-AROUND = 96
-"""Directions, even over the sphere, that colors are fitted to."""
 SHARPNESS = 10.0
 """Sharpness of a camera's weight over directions: half at 21 degrees."""
 AROUND_WEIGHT = 0.05
@@ -201,15 +200,6 @@ class Studied:
     """Remarks for a person."""
 
 
-@dataclass(frozen=True, eq=False)
-class Dressed:
-    """A scene of which a part was changed."""
-
-    scene: Gaussians
-    notes: tuple[str, ...] = ()
-    """Remarks for a person on how it was done."""
-
-
 @torch.no_grad()
 @ruled
 def in_material(
@@ -220,7 +210,7 @@ def in_material(
     execution: Execution = AUTO,
     weights: Float[Tensor, " n"] | None = None,
     shown: Bool[Tensor, " n"] | None = None,
-) -> Dressed:
+) -> Outcome:
     """The scene with the Gaussians inside in a material; the coefficients of others are the same.
 
     A material that reflects raises the scene's SH to degree 3, with zeros for what is outside; of
@@ -246,7 +236,7 @@ def in_material(
     sh[rows, : colored.shape[1]] += ((1 - bare)[:, None, None] * colored).to(sh)
     raised = sh.shape[1] > scene.sh.shape[1]
     notes = (*studied.notes, *((RAISED.format(scene.degree),) if raised else ()))
-    return Dressed(replace(scene, sh=sh), notes)
+    return Outcome(replace(scene, sh=sh), torch.arange(len(scene)), inside, notes)
 
 
 @cached_per_scene
@@ -322,7 +312,7 @@ def colors_of(
     eyes = torch.stack([c.center for c in cameras]).to(diffuse) if len(cameras) else None
     if eyes is not None:
         eyes = eyes[evenly_spaced(len(eyes), CAMERAS)]
-    directions = torch.from_numpy(even_directions(AROUND)).to(diffuse)
+    directions = torch.from_numpy(even_directions(RAYS)).to(diffuse)
     found = [diffuse.new_zeros(0, (degree + 1) ** 2, 3)]
     for start in range(0, len(only), AT_ONCE):
         rows = only[start : start + AT_ONCE]

@@ -166,7 +166,8 @@ _FIELDS = {
 
 
 RAYS = 96
-"""Directions, even over the sphere, in which light that arrives is looked up."""
+"""Directions, even over the sphere, in which light that arrives is looked up, and that colors are
+fitted to."""
 BETWEEN = 40.0
 """Sharpness of a direction's weight in what is seen between them: half at 11 degrees."""
 ARRIVING = 0.45

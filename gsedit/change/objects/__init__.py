@@ -13,9 +13,5 @@ if TYPE_CHECKING:
     from gsedit.change.objects.placing.place import place
     from gsedit.change.objects.placing.placement import Placement, RelativePlace
     from gsedit.change.objects.removal.remove import remove
-    from gsedit.select.click import Click, Selector
-    from gsedit.select.phrase import find_phrase
-    from gsedit.select.segment import Segments, segment
-    from gsedit.views.depth import point_at
 
 make_lazy(__name__)

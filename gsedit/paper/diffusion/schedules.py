@@ -132,8 +132,6 @@ class Schedule:
                 return [float(round(t_max - i * t_max / steps) - 1) for i in range(steps)]
             case "linspace":
                 return even(t_max - 1, 0, steps)
-            case "middle":
-                return [(i + 0.5) * t_max / steps for i in reversed(range(steps))]
             case "karras":
                 return [level.t for level in self._karras(steps, t_max)]
 

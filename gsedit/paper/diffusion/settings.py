@@ -16,11 +16,10 @@ Target = Literal["x0", "xt", "eps"]
 Noise = Literal["shared", "independent"]
 Solver = Literal["ddim", "euler", "heun", "dpm++2m", "ancestral", "lcm"]
 Precision = Literal["float32", "bfloat16", "auto"]
-Spacing = Literal["leading", "linspace", "trailing", "karras", "middle"]
+Spacing = Literal["leading", "linspace", "trailing", "karras"]
 """Positions of the steps: three ways of dividing the training steps (named as in diffusers; leading
-is Stable Diffusion's and starts below the top, linspace and trailing start at it), sigmas whose
-seventh roots are evenly spaced (Karras et al. 2022, eq. 5), or the middles of equal parts of the
-training steps, of which none is spent on a picture without noise."""
+is Stable Diffusion's and starts below the top, linspace and trailing start at it), or sigmas whose
+seventh roots are evenly spaced (Karras et al. 2022, eq. 5)."""
 
 
 class SamplerDefaults(NamedTuple):
@@ -29,7 +28,6 @@ class SamplerDefaults(NamedTuple):
 
     guidance_text: float = 7.5
     guidance_image: float = 1.5
-    temperature: float = 1.0
     t_end: float = 4.7
     """Sigma, where Stable Diffusion has done a fifth of its steps: the paper's 10 of 50."""
     steps: int = 20
@@ -64,15 +62,13 @@ class SamplerSettings:
     None: the editor's own (ddim)."""
     spacing: Spacing | None = None
     """Positions of the steps on the noise schedule, named as in diffusers; karras spaces the
-    seventh roots of sigma evenly, middle takes the middles of equal parts. None: the editor's own
-    (leading)."""
+    seventh roots of sigma evenly. None: the editor's own (leading)."""
     eta: float = 0.0
     """Fresh noise of the solver ddim, from 0 (deterministic) to 1 (DDPM). The clusters of
     corresponding cells share it as they share the first noise; ancestral always has 1."""
     t_end: float | None = None
     """The noise level at which consensus ends: it acts while sigma, the noise's deviation in units
-    of a clean latent, is above t_end; 0 or more, at 0 to the end. None: the editor's own
-    (4.7)."""
+    of a clean latent, is above t_end; 0 or more, at 0 to the end. None: the editor's own (4.7)."""
     target: Target = "x0"
     """Quantity that corresponding cells agree on: the predicted clean latent x0 (and eps follows
     from it), the next latent x_{t-1} (xt), or the predicted noise eps."""
@@ -91,9 +87,6 @@ class SamplerSettings:
     precision: Precision = "auto"
     """Arithmetic of the network. auto takes bfloat16 where the processor has it and its error,
     measured on the first pass, is at most 2 %."""
-    temperature: float | None = None
-    """Factor of the starting noise, from 0 to 1: 1 samples the editor's whole distribution, 0
-    starts without noise. None: the editor's own (1)."""
 
     def __post_init__(self) -> None:
         self._check_ranges()
@@ -109,8 +102,6 @@ class SamplerSettings:
             value = getattr(self, name)
             valid = value is None or (math.isfinite(value) and value >= 0)
             _require(valid, name, value, "finite and not negative")
-        valid = self.temperature is None or 0 <= self.temperature <= 1
-        _require(valid, "temperature", self.temperature, "from 0 to 1")
         _require(0 < self.strength <= 1, "strength", self.strength, "above 0 and at most 1")
         for name in ("eta", "consensus_weight"):
             value = getattr(self, name)
@@ -173,11 +164,6 @@ class SamplerSettings:
     def step_spacing(self) -> Spacing:
         """The spacing, with InstructPix2Pix's where it is None."""
         return self._told("spacing")
-
-    @property
-    def noise_scale(self) -> float:
-        """The temperature, with InstructPix2Pix's where it is None."""
-        return self._told("temperature")
 
     @property
     def consensus_end(self) -> float:

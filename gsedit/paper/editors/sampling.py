@@ -93,7 +93,7 @@ class DiffusionEditor:
         rows, columns = z0.shape[2:]
         levels = levels_for(denoiser, settings, (rows, columns))
         first = levels[0] if settings.strength < 1 else levels[0]._replace(a=0.0, b=1.0)
-        x = add_noise(z0, settings.noise_scale * share(noise), first)
+        x = add_noise(z0, share(noise), first)
         originals = whole.originals[free]
         condition = denoiser.condition(originals, batch.prompt, generator)
         ready = prepared(denoiser, x[free], originals, batch.prompt, settings, self.known)

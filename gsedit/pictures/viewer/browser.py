@@ -22,7 +22,7 @@ from jaxtyping import Bool, Float32
 from torch import Tensor
 
 from gsedit.errors import UsageError
-from gsedit.pictures.viewer.drawing import frustum_length
+from gsedit.pictures.viewer.drawing import CAMERA_COLOR, frustum_length
 from gsedit.pictures.viewer.libraries import guarded, import_viser
 from gsedit.pictures.viewer.point_clouds import splat_colors
 from gsedit.run.atomic import atomic_path
@@ -146,7 +146,6 @@ FARTHEST = 50.0
 """Radii. viser sorts by depth in 65,536 steps from the nearest splat to the farthest: a few splats
 far outside would leave the scene a few steps."""
 CAMERAS = "cameras"
-CAMERA_COLOR = (20, 60, 200)
 _WORKERS = """
 if (location.protocol === "file:") {
   const make = URL.createObjectURL.bind(URL);

@@ -25,6 +25,7 @@ from gsedit.scene.framing import bounds, framing_camera, guess_up
 from gsedit.scene.table import table_of
 from gsedit.select.region import TINT, TINT_STRENGTH
 from gsedit.select.rules import NAMED
+from gsedit.views.paths import up_of
 from gsedit.views.viewpoints import Viewpoint
 from rasterizer.camera import Camera
 from rasterizer.project import rotation_matrices
@@ -342,18 +343,12 @@ def frustum(camera: Camera, length: float) -> Float[np.ndarray, "5 3"]:
     return torch.cat((camera.center.detach().double()[None], far)).numpy()
 
 
-def upward(viewpoints: Sequence[Viewpoint]) -> Float[torch.Tensor, "3"]:
-    """The mean upward direction of the cameras, as people hold them; unit length, float64."""
-    ups = torch.stack([-v.camera.rotation[1].detach().double() for v in viewpoints])
-    return torch.nn.functional.normalize(ups.mean(0), dim=0)
-
-
 def outside_camera(
     scene: Gaussians, viewpoints: Sequence[Viewpoint], size: tuple[int, int]
 ) -> Camera:
     """A camera that shows the bulk of the scene and all cameras, from above; `size` is (width,
     height)."""
-    up = upward(viewpoints)
+    up = up_of([v.camera for v in viewpoints])
     centers = torch.stack([v.camera.center.detach().double() for v in viewpoints])
     first = framing_camera(scene, up=up, size=size)
     middle = torch.tensor(bounds(scene).center, dtype=torch.float64)

@@ -21,7 +21,7 @@ from torch import Tensor
 from gsedit.errors import UsageError
 from gsedit.scene.neighbors import k_nearest
 from gsedit.scene.outcome import Outcome, check_finite, same
-from gsedit.scene.quaternions import axis_rotation, rotate_sh_each, turn_between
+from gsedit.scene.quaternions import axis_rotation, quaternions_of, rotate_sh_each, turn_between
 from gsedit.scene.quaternions import rotations as rotations_of_quaternions
 from rasterizer.scene import Gaussians
 
@@ -294,9 +294,7 @@ def carried(
     # singular values of J R diag(s) keep the digits of a needle that those of J S J^T would lose
     left, sizes, _ = np.linalg.svd(stretched)
     left[:, :, 2] *= np.sign(np.linalg.det(left))[:, None]
-    from scipy.spatial.transform import Rotation
-
-    quats = Rotation.from_matrix(left).as_quat()[:, [3, 0, 1, 2]]
+    quats = quaternions_of(left)
     with np.errstate(divide="ignore"):
         log_scales = np.log(sizes)
     sh = rotate_sh_each(part.sh.float().numpy(), rotations_of(jacobians))

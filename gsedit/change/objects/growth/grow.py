@@ -26,6 +26,7 @@ from gsedit.errors import UsageError
 from gsedit.scene.neighbors import k_nearest
 from gsedit.scene.outcome import NEW, Outcome, check_finite
 from gsedit.scene.quantiles import ends
+from gsedit.scene.quaternions import quaternions_of
 from gsedit.select.region import Region, coverage
 from gsedit.views.dataset import evenly_spaced
 from gsedit.views.orbit import perpendicular
@@ -127,19 +128,10 @@ def assembled(
     frames = torch.stack((first, torch.linalg.cross(normals, first), normals), -1)
     opacities = torch.as_tensor(opacity, dtype=torch.float64).expand(len(points))
     found = Gaussians(
-        points, _quaternions(frames), scales.clamp_min(1e-12).log(),
+        points, torch.from_numpy(quaternions_of(frames.numpy())), scales.clamp_min(1e-12).log(),
         torch.logit(opacities.clamp(1e-4, MOST_OPAQUE)), color_to_sh(colors)[:, None],
     )  # fmt: skip
     return found.to(torch.float32)
-
-
-def _quaternions(frames: Float[Tensor, "m 3 3"]) -> Float[Tensor, "m 4"]:
-    """Quaternions wxyz of rotation matrices."""
-    from scipy.spatial.transform import Rotation
-
-    if not len(frames):
-        return frames.new_zeros(0, 4)
-    return torch.from_numpy(Rotation.from_matrix(frames.numpy()).as_quat()[:, [3, 0, 1, 2]])
 
 
 HIDING = 0.4

@@ -19,11 +19,11 @@ from gsedit.change.objects.placing.stance import (
     STEP,
     Stance,
     carrier,
+    extents,
     heights_from_above,
     map_around,
     size_of,
 )
-from gsedit.scene.quantiles import ends
 from gsedit.views.dataset import evenly_spaced
 from gsedit.views.place import Place
 from gsedit.views.relief import Relief
@@ -187,8 +187,6 @@ CARRIED = 0.25
 """Least share of what is under an object's base that must be there for it to stand."""
 AGREES = 0.05
 """Difference, of its height, up to which a plane around it is the surface under it."""
-TAIL = 0.01
-"""Share of an object's Gaussians that may lie beyond each end of it: stray ones."""
 SEARCHED = 2.5
 """Distance within which a free place is searched, in the larger of both sizes."""
 STEEP, LAYER = 3.0, 0.05
@@ -214,7 +212,7 @@ def directions(place: Place) -> dict[str, Float[Tensor, "3"]]:
 
 def extent(points: Float[Tensor, "m 3"], direction: Float[Tensor, "3"]) -> tuple[float, float]:
     """Begin and end of points along a unit vector, stray ones left out."""
-    low, high = ends((points.double() @ direction)[:, None], TAIL)[:, 0].tolist()
+    low, high = extents((points.double() @ direction)[:, None])[:, 0].tolist()
     return low, high
 
 
@@ -250,7 +248,7 @@ def _reach(body: Gaussians, up: Float[Tensor, "3"]) -> float:
     """Distance of the farthest of an object from its middle, level; stray ones left out."""
     away = body.means.double() - body.means.double().median(0).values
     level = (away - (away @ up)[:, None] * up).norm(dim=-1)
-    return float(ends(level[:, None], TAIL)[1, 0])
+    return float(extents(level[:, None])[1, 0])
 
 
 def top_of(other: Gaussians, up: Float[Tensor, "3"]) -> Tensor:
@@ -259,7 +257,7 @@ def top_of(other: Gaussians, up: Float[Tensor, "3"]) -> Tensor:
     begins, last = extent(points, up)
     middle = points.median(0).values
     away = (points - middle).norm(dim=-1)
-    radius = 1.1 * float(ends(away[:, None], TAIL)[1, 0]) + 1e-9
+    radius = 1.1 * float(extents(away[:, None])[1, 0]) + 1e-9
     seen = heights_from_above(other, middle, radius, up, last + 0.1 * (last - begins))
     if not bool(seen.there.any()):
         return middle + (last - middle @ up) * up

@@ -1,0 +1,108 @@
+"""The painter as an editor: shared statistics, agreement, strength, colors, pictures as styles."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+from PIL import Image
+
+from gsedit.errors import UsageError
+from gsedit.paper.consistency.correspond import Correspondences
+from gsedit.paper.diffusion.settings import SamplerSettings
+from gsedit.paper.editors import EditBatch, make_editor
+from gsedit.scene.color_space import LUMINANCE
+
+PROMPT = "like van gogh"
+GIVEN = "in the style of this picture"
+
+
+def pictures(count, side=32, seed=0):
+    noise = torch.rand(
+        count, 3, side // 8, side // 8, generator=torch.Generator().manual_seed(seed)
+    )
+    return torch.nn.functional.interpolate(noise, scale_factor=8, mode="bilinear").movedim(1, -1)
+
+
+def painted(editor, originals, prompt=PROMPT, **how):
+    batch = EditBatch(originals, originals, prompt, **how)
+    (step,) = editor.edit(batch, SamplerSettings(), torch.Generator())
+    return step.images
+
+
+def close(a, b, tolerance=1e-4):
+    torch.testing.assert_close(a, b, rtol=0, atol=tolerance)
+
+
+def test_views_share_the_statistics_of_those_that_were_planned():
+    views = pictures(4)
+    editor = make_editor("painter")
+    prepared = editor.with_views(PROMPT, views)
+    together = painted(prepared, views)
+    close(together, torch.cat([painted(prepared, view[None]) for view in views]))
+    alone = torch.cat([painted(editor, view[None]) for view in views])
+    assert (alone - together).abs().mean() > 0.01
+    close(painted(editor, views), alone)  # the picture's own, in any batch
+
+
+def test_finished_views_stay():
+    views, anchored = pictures(3), torch.tensor([True, False, False])
+    done = torch.zeros_like(views)
+    batch = EditBatch(done, views, PROMPT, anchored=anchored)
+    (step,) = make_editor("painter").edit(batch, SamplerSettings(), torch.Generator())
+    assert not step.images[0].any()
+    assert step.images[1:].any()
+
+
+def test_views_agree_where_they_show_the_same_place():
+    views = pictures(2)
+    labels = torch.arange(64).reshape(1, 8, 8).expand(2, 8, 8).contiguous()
+    matches = Correspondences(labels, torch.ones(2, 2), 4)
+    editor = make_editor("painter").with_views(PROMPT, views)
+
+    def apart(blocks):
+        made = painted(replace(editor, blocks=blocks), views, correspondences=matches)
+        return float((made[0] - made[1]).abs().mean())
+
+    assert max(apart(1), apart(6)) < 1e-5 < apart(0)
+
+
+def test_strength_leads_from_the_picture_to_the_painting():
+    views = pictures(1)
+    whole, half, none = (
+        painted(make_editor("painter", strength=share), views) for share in (1.0, 0.5, 0.0)
+    )
+    close(none, views)
+    close(half, (whole + views) / 2)
+    with pytest.raises(UsageError, match="strength 2"):
+        make_editor("painter", strength=2.0)
+
+
+def test_colors_are_kept():
+    views = 0.4 + 0.2 * pictures(1)
+    made = painted(make_editor("painter", keep_colors=True, strength=0.3), views)
+    luma = torch.tensor(LUMINANCE, dtype=torch.float32)
+    chroma = [each - (each @ luma)[..., None] for each in (made, views)]
+    close(*chroma)
+    assert (made - views).abs().mean() > 0.01
+
+
+def test_a_picture_gives_the_style(tmp_path):
+    path = tmp_path / "waves.png"
+    Image.fromarray((pictures(1, 64, seed=1)[0] * 255).byte().numpy()).save(path)
+    editor, views = make_editor("painter", like=path), pictures(1)
+    editor.check(GIVEN)
+    assert editor.name == "painter, like waves.png"
+    assert (painted(editor, views, GIVEN) - views).abs().mean() > 0.01
+    with pytest.raises(UsageError, match="is not the style of waves"):
+        editor.check(PROMPT)
+    with pytest.raises(UsageError, match="--like"):
+        make_editor("painter").check(GIVEN)
+
+
+def test_styles_that_are_named_together_are_mixed():
+    editor, views = make_editor("painter"), pictures(1)
+    first, second, both = (
+        painted(editor, views, words)
+        for words in ("a woodcut", "a comic", "a mix of woodcut and comic")
+    )
+    assert min((both - first).abs().mean(), (both - second).abs().mean()) > 0.01
