@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 import torch
 from research.painting import judge
@@ -104,6 +106,13 @@ def test_records_are_judged_again_from_their_file(tmp_path):
     file.write_text("scene,style\nbear,comic\n")
     with pytest.raises(InputError, match="no records"):
         read_records(file)
+
+
+def test_the_page_has_the_verdicts_and_means_of_its_records():
+    docs = Path(__file__).parents[2] / "docs/measurements"
+    page = (docs / "paper.md").read_text()
+    lines = report(read_records(docs / "data/paper.csv")).splitlines()
+    assert [line for line in lines if " s | " not in line and line not in page] == []
 
 
 def test_the_descent_is_that_of_gsedit():
