@@ -215,7 +215,7 @@ def run_preview(asked: EditCommand) -> None:
             finder = Finder(gaussians, viewpoints, settings.region, names, settings.execution)
             region = drawn_region(finder, first, followed)
         shown = preview_edited(
-            gaussians, first.text, viewpoints[0].camera, followed, (common.seed,),
+            gaussians, first.text, viewpoints[0].camera, followed, common.seed,
             settings.sampler, settings.execution, settings.edit_size, region,
         )  # fmt: skip
     save_picture(shown.picture(), path, overwrite=asked.own.force)

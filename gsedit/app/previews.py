@@ -76,7 +76,7 @@ class Previewer:
             self.loaded.scene, reading.first.text, camera, editor_2d(),
             execution=self.settings.execution, size=EDITED_PIXELS, region=region,
         )  # fmt: skip
-        return eight_bits(found.after[0].image)
+        return eight_bits(found.after.image)
 
     def prepare(
         self, wanted: Callable[[], bool] = lambda: True, sentences: Sequence[str] = PREPARED

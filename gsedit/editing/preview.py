@@ -47,16 +47,13 @@ class Preview:
     """One view before an edit, and what it would become."""
 
     before: View
-    after: tuple[View, ...]
-    """The edited view; with several seeds, one for each, named after it."""
+    after: View
     notes: tuple[str, ...] = ()
     """Remarks of the edit for a person: what was found, and what was done."""
 
     def picture(self) -> Image.Image:
-        """Before and after beside each other; without a before where there are several."""
-        shown = (self.before, *self.after) if len(self.after) == 1 else self.after
-        label = " | ".join(view.name for view in shown)
-        return contact_sheet([(label, shown)])
+        """Before and after beside each other."""
+        return contact_sheet([("before | after", (self.before, self.after))])
 
 
 @torch.no_grad()
@@ -83,7 +80,7 @@ def preview_exact(
     before, after = (render_picture(s, camera, settings.execution) for s in (scene, changed.scene))
     found = () if changed.region.is_all else (f"region: {changed.region.note}",)
     notes = (*found, *changed.notes)
-    return Preview(View("before", camera, before), (View("after", camera, after),), notes)
+    return Preview(View("before", camera, before), View("after", camera, after), notes)
 
 
 def drawn_region(finder: Finder, step: Instruction, editor: Editor) -> Region | None:
@@ -107,13 +104,13 @@ def preview_edited(
     prompt: str,
     camera: Camera,
     editor: Editor,
-    seeds: Sequence[int] = (0,),
+    seed: int = 0,
     sampler: SamplerSettings | None = None,
     execution: Execution = AUTO,
     size: int | None = None,
     region: Region | None = None,
 ) -> Preview:
-    """One view as a 2D editor draws it alone, once for each seed; no scene is fitted to it.
+    """One view as a 2D editor draws it alone; no scene is fitted to it.
 
     `size`: longer side of the picture that the editor is given, as `EditSettings.edit_size`;
     `region`: what may change (None: everything).
@@ -129,15 +126,11 @@ def preview_edited(
         shown = render_picture(scene, edit_camera(camera, size), execution)[None]
     else:
         shown = downscale(before, *fitted_size(camera.width, camera.height, size))[None]
-    after = []
-    for seed in seeds:
-        batch = EditBatch(shown, shown, prompt, seed=seed)
-        *_, last = editor.edit(batch, sampler, torch.Generator().manual_seed(seed))
-        assert last.images is not None  # the protocol: the last item has them
-        drawn = carry_change(last.images, shown, before[None])[0].clamp(0, 1)
-        if region is not None:
-            covered = coverage(region, scene, camera, execution)[..., None]
-            drawn = torch.lerp(before, drawn, covered.to(drawn))
-        name = "after" if len(seeds) == 1 else f"seed {seed}"
-        after.append(View(name, camera, drawn))
-    return Preview(View("before", camera, before), tuple(after))
+    batch = EditBatch(shown, shown, prompt, seed=seed)
+    *_, last = editor.edit(batch, sampler, torch.Generator().manual_seed(seed))
+    assert last.images is not None  # the protocol: the last item has them
+    drawn = carry_change(last.images, shown, before[None])[0].clamp(0, 1)
+    if region is not None:
+        covered = coverage(region, scene, camera, execution)[..., None]
+        drawn = torch.lerp(before, drawn, covered.to(drawn))
+    return Preview(View("before", camera, before), View("after", camera, drawn))

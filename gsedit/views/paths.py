@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import isfinite, radians, sin, tau
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 import torch
@@ -210,8 +210,10 @@ def camera_path(
     """A path of that kind, from the cameras of a capture or found ones.
 
     A spline passes through at most `KEYS` of them, evenly spaced. Raises UsageError as `circle_of`,
-    `swing` and `spline` do, and for no frames.
+    `swing` and `spline` do, for no frames, and for a kind that there is not.
     """
+    if kind not in get_args(PathKind):
+        raise UsageError(f"there is no path {kind!r}: give {', '.join(get_args(PathKind))}")
     if frames < 1:
         raise UsageError(f"{frames} frames: give 1 or more")
     if kind == "spline":

@@ -134,5 +134,5 @@ def test_a_preview_is_of_the_objects_that_the_edit_finds(meadow):
     done = changed_by(asked.text, finder(labelled, views))
     with torch.no_grad():
         picture = render_picture(done.scene, viewpoints[0].camera)
-    torch.testing.assert_close(shown.after[0].image, picture, atol=1e-4, rtol=0)
+    torch.testing.assert_close(shown.after.image, picture, atol=1e-4, rtol=0)
     assert shown.notes == (f"region: {done.region.note}", *done.notes)

@@ -38,7 +38,7 @@ def test_a_tone_of_the_scene_is_previewed_exactly(labelled, viewpoints):
     with torch.no_grad():
         before = render_picture(scene, viewpoints[0].camera)
     assert torch.equal(found.before.image, before)
-    torch.testing.assert_close(found.after[0].image, 0.8 * before, atol=0.01, rtol=0)
+    torch.testing.assert_close(found.after.image, 0.8 * before, atol=0.01, rtol=0)
     assert found.picture().width > found.picture().height
 
 
@@ -50,5 +50,5 @@ def test_a_preview_of_a_material_is_as_the_edit_shows_it(labelled, viewpoints):
     with torch.no_grad():
         changed = returned(change_steps(Finder(scene, viewpoints, inside.region), (asked,)))
         whole = render_picture(changed.scene, viewpoints[0].camera)
-    assert psnr(found.after[0].image, whole) > 40
+    assert psnr(found.after.image, whole) > 40
     assert psnr(found.before.image, whole) < 30

@@ -88,7 +88,7 @@ def test_a_preview_paints_its_part_alone(half, named):
     region = drawn_region(finder, step, painter)
     shown = preview_edited(scene, step.text, camera, painter, region=region)
     other = preview_edited(scene, step.text, camera, painter)
-    (after,), (whole,) = shown.after, other.after
+    after, whole = shown.after, other.after
     apart = [float((each.image - shown.before.image).abs().mean()) for each in (after, whole)]
     assert 0 < apart[0] < apart[1]
 
