@@ -19,9 +19,9 @@ from torch import Tensor
 from gsedit.capture.fitting.solve import solve_colors
 from gsedit.capture.fitting.strokes import (
     BAND_PENALTY,
+    DECAYS,
     GRAM_GRADIENT,
     LAST_RATE,
-    MOMENTS,
     RATE,
     Drawn,
     gradient_ratio,
@@ -270,7 +270,7 @@ class Descent:
         self.weight: float | None = None
         """That of the Gram loss; None: by the ratio, at the first step."""
         self.change = torch.zeros_like(scene.means, requires_grad=True)
-        self._adam = torch.optim.Adam([self.change], RATE, MOMENTS)
+        self._adam = torch.optim.Adam([self.change], RATE, DECAYS)
         self._chance = torch.Generator().manual_seed(seed)
         self._targets: dict[int, tuple[Tensor, Tensor]] = {}
         self._drawn: dict[int, Drawn] = {}

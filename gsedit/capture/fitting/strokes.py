@@ -40,8 +40,8 @@ RATE = 0.06
 """Learning rate of colors in [0, 1]: half of it takes twice the steps."""
 LAST_RATE = 0.1
 """Share of the rate at the last step; it falls linearly."""
-MOMENTS = (0.9, 0.99)
-"""Decays of Adam: the second one forgets within the few hundred steps that there are."""
+DECAYS, EPSILON = (0.9, 0.99), 1e-8
+"""Constants of Adam: the second decay forgets within the few dozen steps that there are."""
 
 
 def leading_views(weights: Float[Tensor, "v n"], means: Float[Tensor, "n 3"]) -> Int[Tensor, " n"]:
@@ -87,7 +87,7 @@ def stroke_steps(
     """
     drawn = [Drawn(scene, *each, features, execution) for each in zip(targets, pictures, shares)]
     change = torch.zeros_like(scene.means, requires_grad=True)
-    optimizer = torch.optim.Adam([change], RATE, MOMENTS)
+    moments = torch.zeros_like(scene.means), torch.zeros_like(scene.means)
     weight, threads, order = None, StepThreads(), list[int]()
     for step in range(steps):
         order = order or torch.randperm(len(drawn), generator=generator).tolist()
@@ -98,14 +98,29 @@ def stroke_steps(
             if weight is None:
                 weight = GRAM_GRADIENT * gradient_ratio(error, style, change)
             loss = error + weight * style
-            optimizer.zero_grad()
-            loss.backward()
-            optimizer.param_groups[0]["lr"] = RATE * (1 - (1 - LAST_RATE) * step / steps)
-            optimizer.step()
+            (gradient,) = torch.autograd.grad(loss, change)
+            rate = RATE * (1 - (1 - LAST_RATE) * step / steps)
+            _descend(change.detach(), moments, gradient, rate, step + 1)
         yield loss.item()
     sh = scene.sh.clone()
     sh[:, 0] += change.detach() * inside[:, None] / SH_DC
     yield replace(scene, sh=sh)
+
+
+def _descend(
+    change: Float[Tensor, "n 3"],
+    moments: tuple[Float[Tensor, "n 3"], Float[Tensor, "n 3"]],
+    gradient: Float[Tensor, "n 3"],
+    rate: float,
+    step: int,
+) -> None:
+    """Apply step number `step` of Adam (Kingma and Ba 2015) in place. torch.optim takes a second to
+    load, and the kernel of fits has no epsilon that spares what is hardly seen."""
+    first, second = moments
+    first.lerp_(gradient, 1 - DECAYS[0])
+    second.lerp_(gradient.square(), 1 - DECAYS[1])
+    mean, square = (m / (1 - decay**step) for m, decay in zip(moments, DECAYS))
+    change.addcdiv_(mean, square.sqrt_().add_(EPSILON), value=-rate)
 
 
 def gradient_ratio(
