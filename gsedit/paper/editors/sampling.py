@@ -16,7 +16,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from gsedit.errors import UsageError
-from gsedit.paper.consistency.consensus import consensus, share_noise
+from gsedit.paper.consistency.consensus import share_noise
 from gsedit.paper.diffusion.guidance import Around, Branches, Need, Predictor, needed
 from gsedit.paper.diffusion.guided import branches_of, predict_guided
 from gsedit.paper.diffusion.memory import most_bytes
@@ -237,13 +237,10 @@ def _hooks(batch: EditBatch, settings: SamplerSettings) -> tuple[Hook | None, Ho
     """(consensus, noise sharing) of a padded batch."""
     if batch.correspondences is None:
         return None, lambda noise: noise
-    labels = batch.correspondences.labels
-    agree = partial(
-        consensus, labels=labels, anchored=batch.anchored, strength=settings.consensus_weight
-    )
+    agree = partial(batch.agreed, strength=settings.consensus_weight)
     if settings.noise == "independent":
         return agree, lambda noise: noise
-    return agree, _SharedNoise(labels, torch.Generator().manual_seed(batch.seed))
+    return agree, _SharedNoise(batch.correspondences.labels, torch.Generator().manual_seed(batch.seed))
 
 
 @dataclass(frozen=True, eq=False)
