@@ -240,7 +240,8 @@ def _hooks(batch: EditBatch, settings: SamplerSettings) -> tuple[Hook | None, Ho
     agree = partial(batch.agreed, strength=settings.consensus_weight)
     if settings.noise == "independent":
         return agree, lambda noise: noise
-    return agree, _SharedNoise(batch.correspondences.labels, torch.Generator().manual_seed(batch.seed))
+    labels, seed = batch.correspondences.labels, batch.seed
+    return agree, _SharedNoise(labels, torch.Generator().manual_seed(seed))
 
 
 @dataclass(frozen=True, eq=False)
