@@ -27,13 +27,14 @@ from rasterizer import compiled
 VERBS = (
     "app", "edit", "make", "capture", "fit", "info", "select", "view", "render", "mesh",
     "measure", "diff", "metrics", "convert", "filter", "clean", "decimate", "merge", "transform",
-    "bend", "align", "recolor", "list", "doctor", "mcp", "bench",
+    "bend", "align", "recolor", "list", "doctor", "mcp",
 )  # fmt: skip
 HEAVY = {
     "jaxtyping", "kornia", "matplotlib", "numpy", "open3d", "pi_heif", "PIL", "pycolmap", "pyvista",
     "safetensors", "scipy", "torch", "trimesh", "viser", "zstandard",
 }  # fmt: skip
 """Modules that no help may load: a shell asks for it at every Tab; who builds a wheel has none."""
+BENCHMARKS = ("targets", "stability")
 
 
 def test_help_loads_nothing_heavy():
@@ -53,9 +54,9 @@ def test_the_list_of_verbs_is_one_screen(monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     text = gsedit("--help").stdout
     assert len(text.splitlines()) <= 50
-    for verb in VERBS:
+    for verb in (*VERBS, "bench"):
         assert re.search(rf"^  {verb} +[A-Z]", text, re.MULTILINE)
-    assert len(VERBS) <= 27
+    assert len(VERBS) + 1 <= 27
 
 
 @pytest.mark.parametrize("verb", VERBS)
@@ -73,24 +74,30 @@ def test_the_help_of_a_verb_is_one_screen_with_an_example(verb, monkeypatch):
 
 def every_command() -> dict[str, Any]:
     """Each verb as typer makes it, by the words that name it."""
+    commands: dict[str, Any] = {}
     program: Any = typer.main.get_command(app)
-    return {verb: lazy.make() for verb, lazy in program.commands.items()}
+    for verb, lazy in program.commands.items():
+        command = lazy.make()
+        commands[verb] = command
+        for name, inner in getattr(command, "commands", {}).items():
+            commands[f"{verb} {name}"] = inner
+    return commands
 
 
-@pytest.mark.parametrize("verb", VERBS)
-def test_no_flag_is_cut_off_at_80_columns(verb, monkeypatch):
+@pytest.mark.parametrize("words", [*VERBS, "bench", *(f"bench {name}" for name in BENCHMARKS)])
+def test_no_flag_is_cut_off_at_80_columns(words, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
-    text = gsedit(verb, "--help-all").stdout
+    text = gsedit(*words.split(), "--help" if words == "bench" else "--help-all").stdout
     assert max(map(len, text.splitlines())) <= 80
-    options = [param for param in every_command()[verb].params if param.opts[0].startswith("-")]
+    options = [param for param in every_command()[words].params if param.opts[0].startswith("-")]
     shown = [option for option in options if not option.opts[0].startswith("--set.")]
     for flag in (flag for option in shown for flag in (*option.opts, *option.secondary_opts)):
         assert re.search(rf"(?<![\w-]){re.escape(flag)}(?![\w…-])", text), flag
-    assert "--threads" in text
+    assert words == "bench" or "--threads" in text
 
 
 def test_the_program_alone_says_what_it_has():
-    assert set(every_command()) == {*VERBS}
+    assert set(every_command()) == {*VERBS, "bench", *(f"bench {name}" for name in BENCHMARKS)}
     assert re.fullmatch(r"gsedit \d+\.\d+\.\d+\S*\n", gsedit("--version").stdout)
     result = gsedit()
     assert result.exit_code == 2

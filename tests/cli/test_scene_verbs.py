@@ -157,7 +157,7 @@ def test_a_region_and_an_expression_are_an_intersection(scene):
 
 
 def test_the_subject_is_an_expression_and_a_region(scene, monkeypatch):
-    def find_subject(gaussians, cameras, execution, *, with_carrier):
+    def find_subject(gaussians, cameras, *, with_carrier):
         return Region(torch.arange(len(gaussians)) < 2 + with_carrier, "the subject")
 
     monkeypatch.setattr("gsedit.select.finder.find_subject", find_subject)
