@@ -11,7 +11,7 @@ from gsedit_cli.main import app
 import gsedit
 from gsedit.bench.synthetic import demo_scene, surface_gaussians
 
-INSTRUCTION = "as an expressionist painting"
+INSTRUCTION = "like Van Gogh"
 
 
 def demo(folder: Path, count: int = 30_000, size: int = 256) -> None:

@@ -55,8 +55,11 @@ class Session:
         return self.progress.edited.region or everything(self.request.scene)
 
     def within_region(self, i: int, edited: Float[Tensor, "h w 3"]) -> Float[Tensor, "h w 3"]:
-        """The edited picture of view i where the region shows, the unedited one elsewhere."""
+        """The edited picture of view i where the region shows, the unedited one elsewhere. What is
+        drawn where nothing is, strokes around an object, is left out."""
         region, unedited = self.region, self.unedited
+        if region.is_all and self.editor.capabilities.draws:
+            return edited * unedited.rendering(i).alpha.clamp(0, 1)[..., None].to(edited)
         if region.is_all:
             return edited
         covered = unedited.coverage(region, i)[..., None].to(edited)

@@ -3,14 +3,18 @@
 from dataclasses import replace
 
 import pytest
+import tiny_edits
 import torch
 from PIL import Image
 
+import gsedit
+from gsedit import EditSettings
 from gsedit.errors import UsageError
 from gsedit.paper.consistency.correspond import Correspondences
 from gsedit.paper.diffusion.settings import SamplerSettings
 from gsedit.paper.editors import EditBatch, make_editor
 from gsedit.scene.color_space import LUMINANCE
+from rasterizer.render import render
 
 PROMPT = "like van gogh"
 GIVEN = "in the style of this picture"
@@ -106,3 +110,17 @@ def test_styles_that_are_named_together_are_mixed():
         for words in ("a woodcut", "a comic", "a mix of woodcut and comic")
     )
     assert min((both - first).abs().mean(), (both - second).abs().mean()) > 0.01
+
+
+def test_strokes_around_an_object_are_left_out():
+    """A tiny edit, whole: painted where something is, fitted by a solve and then in steps."""
+    scene, views = tiny_edits.scene(), tiny_edits.data()
+    settings = EditSettings(batches=1, held_out_edits=0, brush=6.0)
+    result = gsedit.edit(scene, PROMPT, views, settings=settings)
+    for view in result.targets:
+        nothing = render(scene, view.camera).alpha < 1e-6
+        assert nothing.any()
+        assert not view.image[nothing].any()
+    assert any(event.stage == "strokes" for event in result.events)
+    assert not torch.equal(result.scene.sh[:, 0], scene.sh[:, 0])
+    assert torch.equal(result.scene.means, scene.means)

@@ -34,7 +34,7 @@ def test_the_demo_leaves_its_folder(tmp_path):
     names |= {"cameras.json", "views.json", "region.npy", "targets"}
     assert names <= {p.name for p in folder.iterdir()} <= names | {"held_out", "held_out_alone"}
     record = json.loads((folder / "edit.json").read_text())
-    assert record["instruction"] == "as an expressionist painting"
+    assert record["instruction"] == "like Van Gogh"
     events = read_events(folder / "metrics.jsonl")
     assert events[-1].stage == "measure"
     assert events[-1].error is not None
