@@ -1,6 +1,6 @@
 """Scenes with a subject that is known exactly: a figure on a stand, and distractors around it.
 
-`n` Gaussians. The editor `small` was trained on none of these shapes and surroundings.
+`n` Gaussians.
 """
 
 from __future__ import annotations
