@@ -46,14 +46,9 @@ def striped(scene, cameras):
     return views
 
 
-def everything(scene):
-    return torch.ones(len(scene), dtype=torch.bool)
-
-
-def solved(scene, views, shares=None, inside=None):
-    inside = everything(scene) if inside is None else inside
-    penalty = BAND_PENALTY
-    *_, last = solve_colors(scene, views, inside, shares=shares, band_penalty=penalty)
+def solved(scene, views, shares=None):
+    every = torch.ones(len(scene), dtype=torch.bool)
+    *_, last = solve_colors(scene, views, every, shares=shares, band_penalty=BAND_PENALTY)
     return last.scene
 
 
@@ -64,7 +59,7 @@ def shares_of(scene, cameras):
 
 def descended(scene, views, inside=None):
     pictures = [render(scene, view.camera).color for view in views]
-    inside = everything(scene) if inside is None else inside
+    inside = torch.ones(len(scene), dtype=torch.bool) if inside is None else inside
     *losses, last = stroke_steps(
         scene, views, inside, STEPS, FilterBank(), torch.Generator().manual_seed(0),
         pictures=pictures, shares=[torch.ones(48, 48)] * len(views),
