@@ -215,7 +215,7 @@ def _with_defaults(settings: EditSettings, editor: Editor, camera: Camera) -> Ed
     if size and keeps and size >= max(camera.width, camera.height):
         size = None  # the views' own
     sampler = settings.sampler.with_defaults(declared.defaults)
-    batches = settings.batches or declared.batches
+    batches = declared.batches if settings.batches is None else settings.batches
     return replace(settings, sampler=sampler, edit_size=size, batches=batches)
 
 

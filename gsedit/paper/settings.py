@@ -84,7 +84,7 @@ class EditSettings:
                 f"{', '.join(sorted(unknown))}: nothing that can be disabled; give some of "
                 f"{', '.join(DECISIONS)}, or all"
             )
-        if self.views_per_batch < 1 or (self.batches or 1) < 1:
+        if min(self.views_per_batch, self.most_batches) < 1:
             raise UsageError("views and batches must be 1 or more")
         if not 0.1 <= self.brush <= 10:
             raise UsageError(f"brush is {self.brush:g}: give a number from 0.1 to 10")
@@ -105,7 +105,7 @@ class EditSettings:
     @property
     def most_batches(self) -> int:
         """Most batches of views, where no editor has a number of its own."""
-        return self.batches or 4
+        return 4 if self.batches is None else self.batches
 
     @property
     def solves(self) -> bool:
