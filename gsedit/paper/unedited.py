@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -59,7 +61,7 @@ class UneditedRenders:
         """The picture of `condition` at the size at which it is edited; a photo is not enlarged."""
         camera, own = self.edit_camera(i), self.request.every_view[i].camera
         if camera.width > own.width:
-            return self.edit_rendering(i).color.clamp(0, 1)
+            return self._on_backdrop(self.edit_rendering(i))
         return downscale(self.condition(i), camera.width, camera.height).clamp(0, 1)
 
     def condition(self, i: int) -> Float[Tensor, "h w 3"]:
@@ -69,12 +71,26 @@ class UneditedRenders:
         """
         rendered = self.rendering(i).color
         if self.request.settings.condition != "photo":
-            return rendered.clamp(0, 1)
+            return self._on_backdrop(self.rendering(i))
         view = self.request.every_view[i]
         picture = view.image.to(rendered)
         if view.mask is not None:
             picture = torch.where(view.mask[..., None], picture, rendered)
         return picture.clamp(0, 1)
+
+    def _on_backdrop(self, rendering: Rendering) -> Float[Tensor, "h w 3"]:
+        """A picture in [0, 1]. For editors that draw, the scene's mean color is where nothing is:
+        black would be an edge to paint, and most of what a small object is normalised by."""
+        picture = rendering.color.clamp(0, 1)
+        if not self.request.editor.capabilities.draws:
+            return picture
+        return picture + (1 - rendering.alpha.clamp(0, 1))[..., None] * self._mean_color
+
+    @cached_property
+    def _mean_color(self) -> Float[Tensor, "3"]:
+        """The mean color of what the first view shows; black where it shows nothing."""
+        shown = self.rendering(0)
+        return shown.color.clamp(0, 1).sum((0, 1)) / shown.alpha.sum().clamp_min(1e-6)
 
     def coverage(self, region: Region, i: int) -> Float[Tensor, "h w"]:
         """The region's share of each pixel of view i, in [0, 1]; kept for the last region."""
