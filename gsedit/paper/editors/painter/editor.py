@@ -16,7 +16,7 @@ from torch import Tensor
 
 from gsedit.errors import Said, UsageError
 from gsedit.paper.diffusion.settings import SamplerSettings
-from gsedit.paper.editors.painter.network import CELL, Affine, Moments, PaintNetwork, mixed
+from gsedit.paper.editors.painter.network import CELL, Affine, Moments, PaintNetwork, mixed, padded
 from gsedit.paper.editors.painter.picture_style import (
     load_picture_styles,
     read_style_picture,
@@ -25,7 +25,6 @@ from gsedit.paper.editors.painter.picture_style import (
 from gsedit.paper.editors.painter.weights import hold, weights_of
 from gsedit.paper.protocol import Capabilities, EditBatch, EditProgress
 from gsedit.scene.color_space import LUMINANCE
-from gsedit.views.padding import pad_to_multiple
 from gsedit.words.styles import styles_asked
 
 WEIGHTS = Path(__file__).with_name("styles.safetensors")
@@ -95,7 +94,7 @@ class Painter:
     def with_views(self, prompt: str, pictures: Float[Tensor, "v h w 3"]) -> Painter:
         """This editor with the statistics of these pictures, kept for every later view."""
         step = 1 + len(pictures) * pictures[0, :, :, 0].numel() // MOST_SURVEYED_PIXELS
-        _, moments = self.network(_padded(pictures[::step]), self._style(prompt))
+        _, moments = self.network(padded(pictures[::step]), self._style(prompt))
         return replace(self, moments=tuple(moments))
 
     @torch.no_grad()
@@ -110,7 +109,7 @@ class Painter:
             return batch.agreed(x, settings.consensus_weight) if block <= self.blocks else x
 
         pooled = self.moments is not None
-        images, _ = self.network(_padded(originals), style, self.moments, pooled, agree)
+        images, _ = self.network(padded(originals), style, self.moments, pooled, agree)
         change = images.movedim(1, -1)[:, :height, :width] - originals
         if self.keep_colors:
             change = (change @ change.new_tensor(LUMINANCE))[..., None]
@@ -128,10 +127,6 @@ class Painter:
         if self.like and numbers:
             raise UsageError(Said(f"{asked[0].name} is not the style of {self.like}", "unlike"))
         return mixed([self.styles[k] for k in numbers or [0]], [1.0] * max(len(numbers), 1))
-
-
-def _padded(pictures: Float[Tensor, "v h w 3"]) -> Float[Tensor, "v 3 H W"]:
-    return pad_to_multiple(pictures, CELL, "mirror").movedim(-1, 1)
 
 
 def make_painter(

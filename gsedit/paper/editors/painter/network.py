@@ -128,8 +128,13 @@ def painted(
 ) -> Float[Tensor, "v h w 3"]:
     """Pictures of any size as a network paints them, sRGB in [0, 1]."""
     height, width = pictures.shape[1:3]
-    images, _ = network(pad_to_multiple(pictures, CELL, "mirror").movedim(-1, 1), style)
+    images, _ = network(padded(pictures), style)
     return images.movedim(1, -1)[:, :height, :width]
+
+
+def padded(pictures: Float[Tensor, "v h w 3"]) -> Float[Tensor, "v 3 H W"]:
+    """Pictures as a network takes them: channels first, continued to sides of whole cells."""
+    return pad_to_multiple(pictures, CELL, "mirror").movedim(-1, 1)
 
 
 def _mean(x: Float[Tensor, "v c y x"], pooled: bool) -> Float[Tensor, "n c 1 1"]:
