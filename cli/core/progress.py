@@ -98,11 +98,18 @@ def _plain_lines() -> Show:
 def plain_line(event: Event, first: Event) -> str:
     """Return an event as a line; `first` is the first event of its stage, for the time left."""
     count = f" {event.step}/{event.steps}" if event.steps else ""
-    left = ""
-    if event.step > first.step and event.steps > event.step:
+    return f"[{event.seconds:.0f} s] {event.stage}{count} {summary(event)} {left(event, first)}"
+
+
+def left(event: Event, first: Event) -> str:
+    """Return the time to the end of a stage: what the event says, or by its pace since `first`."""
+    seconds = event.left
+    if seconds is None and event.step > first.step and event.steps > event.step:
         pace = (event.seconds - first.seconds) / (event.step - first.step)
-        left = f"about {(event.steps - event.step) * pace:.0f} s left"
-    return f"[{event.seconds:.0f} s] {event.stage}{count} {summary(event)} {left}"
+        seconds = (event.steps - event.step) * pace
+    if seconds is None:
+        return ""
+    return f"about {seconds:.0f} s left" if seconds < 120 else f"about {seconds / 60:.0f} min left"
 
 
 @contextmanager
@@ -112,6 +119,7 @@ def _bars() -> Iterator[Show]:
     from rich.progress import Progress, TaskID
 
     tasks: dict[str, TaskID] = {}
+    first: dict[str, Event] = {}
     with Progress(*_columns(), console=Console(stderr=True)) as bars:
 
         def end_stages_without_steps() -> None:
@@ -122,13 +130,15 @@ def _bars() -> Iterator[Show]:
         def show(event: Event) -> None:
             if event.stage not in tasks:
                 end_stages_without_steps()
-                tasks[event.stage] = bars.add_task(event.stage, total=None, summary="")
+                tasks[event.stage] = bars.add_task(event.stage, total=None, left="", summary="")
             task = tasks[event.stage]
             if event.step < bars.tasks[task].completed:  # the stage starts again
                 bars.reset(task)
+                del first[event.stage]
             measured = shown(summary(event)) or bars.tasks[task].fields["summary"]
             total = event.steps or None
-            bars.update(task, completed=event.step, total=total, summary=measured)
+            time_left = left(event, first.setdefault(event.stage, event))
+            bars.update(task, completed=event.step, total=total, left=time_left, summary=measured)
 
         yield show
         end_stages_without_steps()
@@ -141,7 +151,6 @@ def _columns() -> tuple[ProgressColumn, ...]:
         MofNCompleteColumn,
         TextColumn,
         TimeElapsedColumn,
-        TimeRemainingColumn,
     )
 
     return (
@@ -149,6 +158,6 @@ def _columns() -> tuple[ProgressColumn, ...]:
         BarColumn(bar_width=24),
         MofNCompleteColumn(),
         TimeElapsedColumn(),
-        TimeRemainingColumn(),
+        TextColumn("{task.fields[left]}"),
         TextColumn("{task.fields[summary]}", markup=False),
     )

@@ -29,6 +29,8 @@ class Event:
     """RMSE of colors in [0, 1] against what the stage aims at: held-out photos, edited targets."""
     note: str = ""
     """One human sentence, where there is something to say."""
+    left: float | None = None
+    """Seconds to the end of the stage, where the work knows; its steps may cost differently."""
 
 
 @dataclass(frozen=True, eq=False)

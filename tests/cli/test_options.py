@@ -198,7 +198,7 @@ def test_what_is_not_given_is_the_librarys_choice():
 
 def test_options_of_a_fit_win_over_its_quality():
     draft, high = Recipe(quality="draft"), Recipe(quality="high", minutes=2.0)
-    assert draft.settings({}).seconds
+    assert (draft.settings({}).seconds, draft.settings({}).steps) == (None, 2_000)
     assert draft.settings({("steps",): 9}).steps == 9
     assert draft.settings({("steps",): 9}).seconds is None
     assert (high.settings({}).seconds, high.settings({}).steps) == (120, None)

@@ -77,7 +77,7 @@ def test_a_budget_that_the_photos_use_up_still_makes_a_few_steps():
 def test_a_fit_without_budget_or_photos_is_refused():
     data = photos(3, 16)
     with pytest.raises(UsageError, match="--minutes"):
-        FitSettings(seconds=None)
+        FitSettings(steps=None)
     for wrong in (
         {"steps": 0},
         {"seconds": float("nan")},

@@ -64,7 +64,7 @@ def test_a_masked_pixel_has_no_gradient_and_no_say(loss, views):
 
 
 def test_a_fit_takes_nothing_from_masked_pixels(scene, views):
-    settings = FitSettings(steps=12, seconds=None, densify_every=5, coarse=((0.5, 2),))
+    settings = FitSettings(steps=12, seconds=None, densify_every=5, coarse=((0.5, 16),))
     start = scene[::3]
     results = [fit(Dataset(painted(views, seed)), settings, start=start) for seed in (0, 1)]
     assert torch.equal(results[0].scene.means, results[1].scene.means)

@@ -7,10 +7,11 @@ from math import isqrt
 from typing import TypeVar
 
 import torch
-from jaxtyping import Bool, Int
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from gsedit.capture.fitting.adam import Adam
+from gsedit.capture.fitting.shape import hold_shapes
 from gsedit.run.ranks import ALONE, Ranks
 from gsedit.run.state import tensor_like
 from rasterizer.numerics import color_to_sh
@@ -114,6 +115,12 @@ class SceneOptimizer:
             base = sh[:, :1]
             lowest = color_to_sh(LOWEST_COLOR)
             base.copy_(torch.where(only[:, None, None], base.clamp_min(lowest), base))
+
+    def hold_shapes(self, pixels: Float[Tensor, " n"]) -> None:
+        """`gsedit.capture.fitting.shape.hold_shapes` of what moves; does nothing where scales do
+        not."""
+        if "log_scales" in self._leaves:
+            hold_shapes(self._leaves["log_scales"], pixels)
 
     def replace(
         self, scene: Gaussians, origin: Int[Tensor, " n"], fresh: Bool[Tensor, " n"]

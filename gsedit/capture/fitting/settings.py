@@ -117,9 +117,9 @@ class FitSettings:
     """How a scene is fitted to photos. Fractions are of the budget: of the steps or the seconds,
     whichever ends first. Raises UsageError for a value out of range."""
 
-    steps: int | None = field(default=None, metadata={"flag": "--steps"})
+    steps: int | None = field(default=6_000, metadata={"flag": "--steps"})
     """Optimizer steps; None: as many as the time allows."""
-    seconds: float | None = 300.0
+    seconds: float | None = None
     """Wall-clock seconds; None: until the steps are done."""
     batch: int | None = field(default=None, metadata={"flag": "--batch"})
     """Photos in a step; their gradients are summed, and the learning rates are multiplied by the
@@ -129,9 +129,9 @@ class FitSettings:
     dense_start: int = 40_000
     """Patches of the photos that a plane sweep looks for in space; a Gaussian starts at each that
     is found, beside those at the sparse points. 0: at the sparse points only."""
-    coarse: tuple[tuple[float, int], ...] = ((0.08, 4), (0.3, 2))
-    """(fraction, factor) pairs: until this fraction of the budget, train on pictures so many times
-    smaller."""
+    coarse: tuple[tuple[float, int], ...] = ((0.1, 128), (0.5, 256), (0.9, 512))
+    """(fraction, pixels) pairs: until this fraction of the budget, train on pictures with so many
+    pixels on the longer side; then on the photos as they are."""
     dssim_weight: float = 0.2
     """Share of the structural dissimilarity in the loss; the rest is the L1 error."""
     exposure: Exposure = field(default="auto", metadata={"flag": "--exposure"})
@@ -179,18 +179,13 @@ class Quality:
     """How well a scene is to be fitted, and how long that takes on two cores."""
 
     size: int
-    """Longer side of the photos, pixels."""
+    """Longer side of the photos, pixels, at most."""
     settings: FitSettings
 
 
-NORMAL_STEPS = 14_000
-"""Steps after which the fit of `normal` overfits: of the bear's 84 photos, 14,000 in 214 s gave
-25.6 dB at others, as many as fit into 303 s gave 25.1."""
 QUALITIES = {
-    "draft": Quality(256, FitSettings(seconds=90.0, max_gaussians=120_000)),
-    "normal": Quality(256, FitSettings(steps=NORMAL_STEPS)),
-    "high": Quality(
-        512,
-        FitSettings(seconds=900.0, max_gaussians=300_000, sh_degree=2),
-    ),
+    "draft": Quality(1024, FitSettings(steps=2_000, max_gaussians=100_000)),
+    "normal": Quality(1024, FitSettings()),
+    "high": Quality(1024, FitSettings(steps=16_000, max_gaussians=300_000, sh_degree=2)),
 }
+"""Steps decide, not seconds: a fit looks the same on a slow machine, and takes longer."""

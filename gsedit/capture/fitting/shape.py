@@ -1,0 +1,45 @@
+"""Shapes that a fit allows: as wide as the photos can tell, and no needles.
+
+A Gaussian that is thinner than the photos' pixels costs nothing in them and is a scratch where a
+camera comes nearer (Yu et al. 2024, Mip-Splatting, section 4.1, who widen each Gaussian in the
+loss). Here widths are held during the fit: the scene that is optimised is the one that is written.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import log
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from rasterizer.camera import Camera
+
+LEAST_WIDTH = 0.3
+"""Standard deviation along every axis, pixels of the photo that shows a Gaussian largest."""
+MOST_LENGTH = 3.0
+"""Longest axis of a Gaussian, in lengths of the axis between."""
+
+
+def finest_pixels(means: Float[Tensor, "n 3"], cameras: Sequence[Camera]) -> Float[Tensor, " n"]:
+    """Width of a pixel at each Gaussian in the camera that shows it largest, world units.
+
+    0 where no camera has it in its picture, with a margin of a tenth on each side.
+    """
+    finest = torch.full_like(means[:, 0], torch.inf)
+    for camera in cameras:
+        xy, depth = camera.project(means)
+        size = xy.new_tensor((camera.width, camera.height))
+        seen = (depth > 0) & ((xy / size - 0.5).abs() < 0.6).all(-1)
+        finest = torch.where(seen, finest.minimum(depth / camera.fx), finest)
+    return finest.nan_to_num(posinf=0.0)
+
+
+@torch.no_grad()
+def hold_shapes(log_scales: Float[Tensor, "n 3"], pixels: Float[Tensor, " n"]) -> None:
+    """Widen what is thinner than LEAST_WIDTH pixels, shorten what is longer than MOST_LENGTH times
+    its middle axis; in place."""
+    log_scales.clamp_min_((LEAST_WIDTH * pixels).log()[:, None])
+    middle = log_scales.median(-1, keepdim=True).values
+    log_scales.clamp_max_(middle + log(MOST_LENGTH))
