@@ -7,14 +7,14 @@ import json
 import pytest
 import torch
 from command_line import read_events
-from contact_sheet import CELL_PIXELS, closer, edits, grid, show
-from contact_sheet import cell as cell_of
-from contact_sheet import save as save_sheet
 from demo import demo
 from from_gsplat import turn
 from labelled import statue
 from PIL import Image
 from scenes import random_cloud
+from world_sheet import CELL_PIXELS, closer, edits, grid, show
+from world_sheet import cell as cell_of
+from world_sheet import save as save_sheet
 from write_an_editor import Fade, run
 
 import gsedit

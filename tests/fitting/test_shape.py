@@ -11,7 +11,7 @@ from point_clouds import ball
 
 from gsedit import Event, FitSettings, fit_steps
 from gsedit.bench.synthetic import ring_cameras, scenes, traced_dataset
-from gsedit.capture.fitting.shape import LEAST_WIDTH, MOST_LENGTH, finest_pixels, hold_shapes
+from gsedit.capture.fitting.shape import LEAST_WIDTH, LENGTH_A_PIXEL, finest_pixels, hold_shapes
 
 
 def photos(count: int = 16, size: int = 48):
@@ -34,10 +34,11 @@ def test_the_nearest_camera_that_sees_a_place_has_the_finest_pixel_there():
 
 
 def test_shapes_are_held_and_others_stay():
-    scales = torch.tensor([[1.0, 1.0, 50.0], [0.01, 1.0, 2.0], [1.0, 1.0, 2.0]])
-    log_scales, pixels = scales.log(), torch.tensor([0.0, 1.0, 1.0])
-    hold_shapes(log_scales, pixels)
-    expected = [[1, 1, MOST_LENGTH], [LEAST_WIDTH, 1, 2], [1, 1, 2]]
+    scales = torch.tensor([[0.4, 0.4, 50], [0.01, 1, 2], [1, 2, 15], [0.1, 0.1, 50], [1, 1, 50]])
+    pixels = torch.tensor([1.0, 1.0, 1.0, 1.0, 0.0])
+    hold_shapes(log_scales := scales.log(), pixels)
+    long, least = LENGTH_A_PIXEL * 0.4, LEAST_WIDTH
+    expected = [[0.4, 0.4, long * 0.4], [least, 1, 2], [1, 2, 15], [least, least, 0.9], [1, 1, 50]]
     torch.testing.assert_close(log_scales.exp(), torch.tensor(expected))
 
 
@@ -49,7 +50,7 @@ def test_a_fit_ends_with_allowed_shapes():
     scales = result.scene.scales.sort(-1).values
     pixels = finest_pixels(result.scene.means, [view.camera for view in data.split()[0]])
     assert (scales[:, 0] > 0.9 * LEAST_WIDTH * pixels).all()  # positions moved since
-    assert (scales[:, 2] < (1 + 1e-4) * MOST_LENGTH * scales[:, 1]).all()
+    assert (scales[:, 2] * pixels < 1.1 * LENGTH_A_PIXEL * scales[:, 1].square()).all()
 
 
 def test_the_time_left_counts_what_finer_photos_cost():

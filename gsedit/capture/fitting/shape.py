@@ -18,8 +18,10 @@ from rasterizer.camera import Camera
 
 LEAST_WIDTH = 0.3
 """Standard deviation along every axis, pixels of the photo that shows a Gaussian largest."""
-MOST_LENGTH = 3.0
-"""Longest axis of a Gaussian, in lengths of the axis between."""
+LENGTH_A_PIXEL = 10.0
+"""Longest axis, in lengths of the middle one for each pixel of the middle one: the thinner, the
+shorter. Gaps between planks, which photos show, stay whole, and the granite of the bear has grains
+and not scratches; with 3 lengths at any width gaps were rows of beads."""
 
 
 def finest_pixels(means: Float[Tensor, "n 3"], cameras: Sequence[Camera]) -> Float[Tensor, " n"]:
@@ -38,8 +40,9 @@ def finest_pixels(means: Float[Tensor, "n 3"], cameras: Sequence[Camera]) -> Flo
 
 @torch.no_grad()
 def hold_shapes(log_scales: Float[Tensor, "n 3"], pixels: Float[Tensor, " n"]) -> None:
-    """Widen what is thinner than LEAST_WIDTH pixels, shorten what is longer than MOST_LENGTH times
-    its middle axis; in place."""
-    log_scales.clamp_min_((LEAST_WIDTH * pixels).log()[:, None])
+    """Widen what is thinner than LEAST_WIDTH pixels, shorten what is long for its width; in
+    place."""
+    log_pixels = pixels.log()[:, None]
+    log_scales.clamp_min_(log(LEAST_WIDTH) + log_pixels)
     middle = log_scales.median(-1, keepdim=True).values
-    log_scales.clamp_max_(middle + log(MOST_LENGTH))
+    log_scales.clamp_max_(2 * middle + log(LENGTH_A_PIXEL) - log_pixels)

@@ -1,10 +1,9 @@
-"""One picture of many edits: scenes beside each other, a row for each of twelve instructions.
+"""The sheet of the world: captures and splats, each after sixteen sentences, beside themselves.
 
-python examples/contact_sheet.py bear.ply guitar.ply biker.spz -o sheet.jpg --front front.jpg
+python examples/world_sheet.py bear.ply garden.ply dinosaur.ply guitar.ply -o sheet/
 
-Every picture is of a camera that no edit looked through; the built-in scene is the last column. The
-last row is drawn by the painter, the others are done on the Gaussians. --front: some
-edits of the first scene, larger.
+Every picture is of a camera that no edit looked through. sheet/ gets a folder of pictures a scene,
+before and after; sheet.jpg, all of them; and front.jpg, some of the first three scenes, larger.
 """
 
 from __future__ import annotations
@@ -41,6 +40,7 @@ from rasterizer.scene import Gaussians
 INSTRUCTIONS = (
     "turn it into a bronze statue",
     "polished white marble",
+    "solid gold",
     "rusty iron",
     "cover it with moss",
     "paint it matte teal",
@@ -49,17 +49,23 @@ INSTRUCTIONS = (
     "at night by moonlight",
     "sunset from the left",
     "a foggy morning",
+    "remove it",
+    "make it half as big",
+    "put a copy of it beside it",
     "draw it in pencil",
     "as an expressionist painting",
 )
+"""Of the subject, of the scene, of objects, of pictures."""
 DRAWN = len(INSTRUCTIONS) - 1
 """Instruction that the painter draws."""
-FRONT = (0, 5, 6, 7, 10)
-"""Instructions of the front picture."""
+FRONT = (("turn it into a bronze statue", "at night by moonlight"),
+         ("make it snow", "polished white marble"),
+         ("as an expressionist painting", "remove it"))  # fmt: skip
+"""Instructions of the front picture, for each of the first three scenes."""
 VIEW_PIXELS = 256
 """Longer side of the views that edits look at."""
-CELL_PIXELS, FRONT_PIXELS = 200, 320
-"""Heights of pictures, pixels."""
+CELL_PIXELS, FRONT_PIXELS, PAIR_PIXELS = 200, 320, 512
+"""Heights of pictures, pixels: in the sheet, the front picture, of before and after."""
 LABEL_PIXELS, GAP = 18, 2
 FILLED = 0.94
 """Share of a picture's height that a scene with nothing around it fills, or of its width."""
@@ -194,12 +200,22 @@ def labelled_rows(columns: Sequence[Sequence[Image.Image]]) -> list[list[Labelle
     ]
 
 
-def front_picture(shown: Shown, scenes: Sequence[Gaussians | None]) -> Image.Image:
-    """The scene before and after the edits of FRONT, two rows of three."""
+def front_row(
+    shown: Shown, scenes: Sequence[Gaussians | None], wanted: Sequence[str]
+) -> list[Labelled]:
+    """The scene before and after the wanted edits."""
     chosen = [("as captured", scenes[0])]
-    chosen += [(f'"{INSTRUCTIONS[i]}"', scenes[i + 1]) for i in FRONT]
-    cells = [(label, cell(scene, shown.camera, FRONT_PIXELS)) for label, scene in chosen]
-    return grid([cells[:3], cells[3:]])
+    chosen += [(f'"{text}"', scenes[1 + INSTRUCTIONS.index(text)]) for text in wanted]
+    return [(label, cell(scene, shown.camera, FRONT_PIXELS)) for label, scene in chosen]
+
+
+def save_pairs(shown: Shown, scenes: Sequence[Gaussians | None], folder: Path) -> None:
+    """Write a picture for each instruction: before and after, side by side."""
+    folder.mkdir(parents=True, exist_ok=True)
+    before = cell(scenes[0], shown.camera, PAIR_PIXELS)
+    for i, (text, scene) in enumerate(zip(INSTRUCTIONS, scenes[1:], strict=True), 1):
+        after = cell(scene, shown.camera, PAIR_PIXELS)
+        save(grid([[("before", before), (text, after)]]), folder / f"{i:02d}.jpg")
 
 
 def save(sheet: Image.Image, path: Path) -> None:
@@ -216,22 +232,23 @@ def say(text: str) -> None:
     sys.stderr.flush()
 
 
-def main(paths: Sequence[Path], out: Path, front: Path | None) -> None:
-    """Edit all scenes and write the sheet, and the front picture if one is named."""
-    columns = []
-    for make in (*(partial(load_shown, path) for path in paths), built_in):
+def main(paths: Sequence[Path], out: Path) -> None:
+    """Edit all scenes and write their pictures, the sheet and the front picture."""
+    columns, front = [], []
+    for number, make in enumerate((*(partial(load_shown, path) for path in paths), built_in)):
         shown = make()
         scenes = [shown.scene, *edits(shown, INSTRUCTIONS)]
-        if front is not None and not columns:
-            save(front_picture(shown, scenes), front)
+        save_pairs(shown, scenes, out / f"{number}-{shown.name}")
+        if number < len(FRONT):
+            front.append(front_row(shown, scenes, FRONT[number]))
+            save(grid(front), out / "front.jpg")
         columns.append([cell(scene, shown.camera, CELL_PIXELS) for scene in scenes])
-        save(grid(labelled_rows(columns)), out)  # whole after the last scene
+        save(grid(labelled_rows(columns)), out / "sheet.jpg")  # whole after the last scene
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description="Edits of several scenes in one picture.")
+    parser = argparse.ArgumentParser(description="Edits of several scenes, before and after.")
     parser.add_argument("scenes", nargs="*", type=Path, help="scene files, cameras.json beside")
-    parser.add_argument("-o", "--output", type=Path, required=True, help="the sheet, a .jpg")
-    parser.add_argument("--front", type=Path, help="larger pictures of the first scene, a .jpg")
+    parser.add_argument("-o", "--output", type=Path, required=True, help="a folder")
     given = parser.parse_args()
-    main(given.scenes, given.output, given.front)
+    main(given.scenes, given.output)
