@@ -12,7 +12,7 @@ ROOT = Path(__file__).parents[1]
 LONGEST_FUNCTION = 40
 """Lines, the docstring not counted."""
 MOST = {
-    "product": (("gsedit", "cli", "rasterizer"), 69_461, 418),
+    "product": (("gsedit", "cli", "rasterizer"), 69_077, 418),
     "tests": (("tests",), 32_060, 299),
     "examples": (("examples",), 5_707, 48),
 }

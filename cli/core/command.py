@@ -42,10 +42,6 @@ from .current import with_saved_regions
 if TYPE_CHECKING:
     import torch
 
-MOST_THREADS = 1024
-"""Most threads that may be asked for: each takes memory, and no machine has more cores."""
-LARGEST_SEED = (1 << 32) - 1
-"""Largest --seed: torch and numpy take it."""
 Body = Callable[..., Any]
 Record = TypeVar("Record")
 FieldPath = tuple[str, ...]
@@ -60,8 +56,6 @@ SET = "--set."
 HELP_FLAGS = frozenset({"--set", "--help", "--help-all"})
 RARE = frozenset({"--debug", "--threads", "--drop-invalid", "--spz-frame", "--samples"})
 """Flags that the help of a verb leaves out unless the verb names its own list."""
-COLUMN_WIDTH = 24
-"""Widest column of flags in a help, characters."""
 METAVARS = {"bool": "", "int": " N", "float": " X", "str": " TEXT", "path": " PATH"}
 """Texts for values in a help, by the type that typer names."""
 VALUE_TYPE = re.compile(r" <(bool|int|float|str|path)( range)?>$")
@@ -90,7 +84,7 @@ class Common:
     """Print results and events as JSON lines on stdout."""
     debug: bool = option(False)
     """Show the traceback of an error."""
-    threads: int | None = option(None, min=1, max=MOST_THREADS)
+    threads: int | None = option(None, min=1, max=1024)  # each takes memory
     """CPU threads to use. None: torch's choice."""
 
     def apply(self) -> None:
@@ -109,7 +103,7 @@ class Common:
 class Seeded(Common):
     """Options of every verb that draws random numbers."""
 
-    seed: int = option(0, min=0, max=LARGEST_SEED)
+    seed: int = option(0, min=0, max=(1 << 32) - 1)  # torch and numpy take it
     """Seed of the random numbers. Equal seeds and threads give equal results."""
 
     def generator(self) -> torch.Generator:
@@ -382,7 +376,7 @@ class VerbCommand(TyperCommand):
         for title, records in sections.items():
             if records:
                 with formatter.section(title):
-                    formatter.write_dl(records, col_max=COLUMN_WIDTH)
+                    formatter.write_dl(records, col_max=24)
 
 
 def expand_set(params: Iterable[Any], args: Iterable[str]) -> Iterator[str]:

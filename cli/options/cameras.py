@@ -27,8 +27,6 @@ FOUND_VIEWS = 24
 """Views that are found for a scene without cameras, whose pixels --at names in every verb."""
 VIEW_PIXELS = 256
 """Longer side of views where --size is not given."""
-CHECKED_FOUND_VIEWS = 8
-"""Found views of which a small render tells whether they show anything."""
 
 
 @dataclass(frozen=True)
@@ -156,7 +154,7 @@ def resolve_cameras(
         return known
     print_message("searching the scene for views; a cameras.json beside it saves this")
     found = find_viewpoints(scene, count, options.pixels, wish=options.wish(), execution=execution)
-    say_if_empty(thinned(found, CHECKED_FOUND_VIEWS), scene, execution)
+    say_if_empty(thinned(found, 8), scene, execution)
     return ResolvedCameras(found, found=True)
 
 

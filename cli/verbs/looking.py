@@ -40,8 +40,6 @@ if TYPE_CHECKING:
     from gsedit.views.viewpoints import Viewpoint
     from rasterizer.scene import Gaussians
 
-PICTURED_VIEWS = 4
-"""Most views in the picture of a difference: the worst one first."""
 COORDINATES = re.compile(r"\s*-?[\d.]+(e-?\d+)?\s*(,\s*-?[\d.]+(e-?\d+)?\s*){2}", re.IGNORECASE)
 
 Other = Annotated[
@@ -234,7 +232,7 @@ def draw(result: SceneDifference, pair: Pair, out: Path, force: bool) -> None:
 
     worst = result.views.index(result.worst)
     others = [index for index in range(len(result.views)) if index != worst]
-    chosen = [worst, *(others[i] for i in evenly_spaced(len(others), PICTURED_VIEWS - 1))]
+    chosen = [worst, *(others[i] for i in evenly_spaced(len(others), 3))]
     views = [pair.viewpoints[index] for index in chosen]
     before, after = (
         [

@@ -32,9 +32,6 @@ if TYPE_CHECKING:
     from gsedit.views.view_list_files import ViewList
     from rasterizer.scene import Gaussians
 
-DEFAULT_SIZE = 256
-"""Longer side of views that are not listed, pixels, as of `gsedit edit`."""
-
 Scene = Annotated[
     Path,
     argument(
@@ -279,7 +276,7 @@ def place_views(
     from gsedit.views.viewpoints import viewpoints_of
 
     given = read_view_list(listed.views) if listed.views is not None else against.views
-    size = listed.size or DEFAULT_SIZE
+    size = listed.size or 256  # as of `gsedit edit`
     if given is not None and against.kind != "photos":
         views = resized(given, listed.size)
         return views, find_pictures(against, views), {}

@@ -38,7 +38,6 @@ OTHERS = (*PHOTOS, ".avi", ".mov", ".mkv", ".webm", ".m4v")
 """Suffixes that are no folder's name, and are not written."""
 NAMES = ("color", "depth", "normals", "alpha")
 """Names of gsedit.pictures.maps.MAPS, which imports torch; a test compares them."""
-MOST_PIXELS = 1 << 26
 FRAMES, FPS, ARC, CRF, COUNT = 120, 30.0, 60.0, 18, 8
 """Defaults of the options of these names, which are None: one that is given where it would change
 nothing is refused."""
@@ -156,7 +155,7 @@ class PictureOptions:
             width, height = (int(part) for part in self.resolution.lower().split("x"))
         except ValueError:
             width = height = 0
-        if min(width, height) < 1 or width * height > MOST_PIXELS:
+        if min(width, height) < 1 or width * height > 1 << 26:
             raise UsageError(f"--resolution {self.resolution}: give two sizes, as in 1280x720")
         return width, height
 

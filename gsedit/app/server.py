@@ -115,7 +115,6 @@ def _same(given: str, token: str) -> bool:
     return hmac.compare_digest(given.encode(errors="replace"), token.encode())
 
 
-TOKEN_BYTES = 24
 BRAND = (40, 110, 200)
 TITLE = "gsedit"
 _SCRIPT, _STYLE = (Path(__file__).with_name(f"page.{kind}") for kind in ("js", "css"))
@@ -138,7 +137,7 @@ def serve(page: Page, host: str = "127.0.0.1", port: int = 8080) -> Iterator[Ser
     Raises GseditError where viser is missing.
     """
     viser = import_viser()
-    token = secrets.token_urlsafe(TOKEN_BYTES)
+    token = secrets.token_urlsafe(24)
     hosts = LOOPBACK if host in LOOPBACK else LOOPBACK | {host, *_names(host)}
     guard = Guard(token, html(viser), frozenset(hosts))
     # connections that a browser opens and does not use are told with a traceback each

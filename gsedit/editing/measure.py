@@ -29,8 +29,6 @@ from gsedit.words.instruction import Instruction
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
 
-SHOWN_VIEWS = 4
-"""Held-out views at which an edit on the Gaussians is measured and shown."""
 LEAST_RMSE = 0.005
 """RMSE to the unedited views below which the user is told that hardly anything changed: painting a
 subject of one pixel in a hundred makes six times as much."""
@@ -169,7 +167,7 @@ def _evidence(settings: EditSettings) -> Evidence:
 def held_out(viewpoints: Sequence[Viewpoint]) -> tuple[Viewpoint, ...]:
     """Some of the views that an edit holds out."""
     every = viewpoints[::HELD_OUT_EVERY]
-    return tuple(every[i] for i in evenly_spaced(len(every), SHOWN_VIEWS))
+    return tuple(every[i] for i in evenly_spaced(len(every), 4))
 
 
 def pictures_at(

@@ -8,13 +8,6 @@ from gsedit.select.region import Region
 from gsedit.select.segment import Segment, Segments
 from gsedit.words.phrases import DEFINITE
 
-COMPARABLE = 0.5
-"""Share of the main object's pixels, or size, from which another one could be meant as well."""
-TOUCHING = 0.06
-"""Largest gap between the boxes of two objects that touch, of the larger one's size."""
-LISTED = 4
-"""Most objects that the message lists."""
-
 
 class SeveralObjects(UsageError):
     """A noun may be any of several objects of a scene."""
@@ -41,9 +34,9 @@ def check_alone(noun: str, segments: Segments, subject: Region) -> None:
         row
         for row in objects
         if row.number != main.number
-        and row.size >= COMPARABLE * main.size
+        and row.size >= 0.5 * main.size  # large enough to be meant as well
         and found[row.number].float().mean() > 0.5
-        and gap(row, main) > TOUCHING * main.size
+        and gap(row, main) > 0.06 * main.size  # boxes that do not touch
         and row.number not in _chain(main, segments)
         and main.number not in _chain(row, segments)
     ]  # fmt: skip
@@ -52,7 +45,7 @@ def check_alone(noun: str, segments: Segments, subject: Region) -> None:
     colors = [name.split(" object")[0] for name in names(segments)]
     first, *more = (
         f"'object {row.number}' ({colors[row.number]}, {_where(row)})"
-        for row in (main, *rivals[: LISTED - 1])
+        for row in (main, *rivals[:3])
     )
     bare = " ".join(word for word in noun.split() if word not in DEFINITE)
     raise SeveralObjects(

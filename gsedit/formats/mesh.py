@@ -27,12 +27,8 @@ from rasterizer.numerics import color_to_sh
 DISK = 0.8
 """Standard deviation of a disk, in side lengths of the square that it stands for. The disks of a
 surface then hide what is behind them: 4 of them overlap at a point on the average."""
-THICKNESS = 0.05
-"""Thickness of a disk, as a share of its standard deviations."""
 BALL = 0.5
 """Standard deviation at a point, in distances to its neighbors."""
-LOGIT = 4.0
-"""Logit of the opacity, 0.98: surfaces are opaque."""
 GREY = 0.6
 """The color of a surface that has none."""
 Colors: TypeAlias = Callable[[Any, np.ndarray, np.ndarray], np.ndarray]
@@ -95,7 +91,7 @@ def _disks(mesh: Any, count: int, rng: np.random.Generator, colors: Colors) -> S
     inside[outside] = 1 - inside[outside]
     weights = np.column_stack((1 - inside.sum(1), inside))
     points = (np.asarray(mesh.triangles)[faces] * weights[:, :, None]).sum(1)
-    sizes = np.array([DISK, DISK, DISK * THICKNESS]) * np.sqrt(ends[-1] / count)
+    sizes = np.array([DISK, DISK, 0.05 * DISK]) * np.sqrt(ends[-1] / count)
     return _table(
         points, _turned_to(np.asarray(mesh.face_normals)[faces]), sizes,
         colors(mesh, faces, weights),
@@ -122,7 +118,7 @@ def _table(
     n = len(points)
     sh = color_to_sh(colors)[:, None]
     log_scales = np.log(np.broadcast_to(sizes, (n, 3)))
-    arrays = (points, quats, log_scales, np.full(n, LOGIT), sh)
+    arrays = (points, quats, log_scales, np.full(n, 4.0), sh)  # an opacity of 0.98
     means, quats, logs, logits, sh = (np.array(a, np.float32, order="C") for a in arrays)
     return SplatTable(means, quats, logs, logits, sh)
 

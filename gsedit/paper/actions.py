@@ -30,8 +30,6 @@ from gsedit.run.events import Event
 from gsedit.views.dataset import View
 from rasterizer.scene import Gaussians
 
-MEASURE_EVERY_STEPS = 50
-"""Optimizer steps between two measurements of the scene: each renders three views."""
 REPORT_EVERY_STEPS = 10
 """Optimizer steps between two events with the loss."""
 
@@ -157,7 +155,7 @@ class Update:
             )
             for step, loss in enumerate(losses, start=self.done + self.first + 1):
                 progress.work.steps += 1
-                if step % MEASURE_EVERY_STEPS == 0:
+                if step % 50 == 0:  # renders three views
                     yield measure_progress(session, step, self.total, loss)
                 elif step % REPORT_EVERY_STEPS == 0:
                     yield Event("update", stopwatch.seconds, step, self.total, loss)

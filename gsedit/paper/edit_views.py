@@ -90,8 +90,6 @@ def _change(
     return torch.sqrt((edited - original).square().mean(-1))
 
 
-WEAK_MATCH_SHARE = 0.05
-"""Mean share of matched cells below which a batch has little to agree on: worth a warning."""
 MEASURE = "measure"
 """The stage in which the editor is asked for views to compare the result with."""
 MIN_ANCHOR_OVERLAP = 0.3
@@ -357,7 +355,7 @@ def _describe(matches: Correspondences, shares: Sequence[float]) -> str:
     if not shares:
         return "one view: there is no other to agree with"
     mean = sum(shares) / len(shares)
-    warning = "; the views see little of each other" if mean < WEAK_MATCH_SHARE else ""
+    warning = "; the views see little of each other" if mean < 0.05 else ""
     return (
         f"{mean:.0%} of cells matched per pair ({min(shares):.0%} to {max(shares):.0%}), "
         f"{matches.covered.mean():.0%} in a cluster{warning}"

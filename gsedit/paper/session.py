@@ -23,9 +23,6 @@ from gsedit.select.region import Region, everything
 from rasterizer.camera import Camera
 from rasterizer.scene import Gaussians
 
-MIN_SEEN_PIXELS = 1e-3
-"""Fewest survey pixels of all edited views together in which a Gaussian that is seen shows."""
-
 
 @dataclass(frozen=True, eq=False)
 class Session:
@@ -103,7 +100,7 @@ def seen_gaussians(session: Session, views: Iterable[int] | None = None) -> Bool
     Without `views`: the edited ones, or the planned ones before any is edited.
     """
     rows = list(session.progress.edited.targets or session.plan.views) if views is None else views
-    seen = session.weights[list(rows)].sum(0) > MIN_SEEN_PIXELS
+    seen = session.weights[list(rows)].sum(0) > 1e-3  # pixels of the survey
     return seen & session.region.inside
 
 

@@ -20,8 +20,6 @@ EDITED, HELD_OUT = 4, 2
 """Most views that are shown of each kind."""
 AMPLIFIED = 4
 """How much larger differences are drawn than they are."""
-LEAST_DIFFERENCE = 4 / 255
-"""Least end of the scale of differences: a few steps of an 8-bit picture are not shown as much."""
 
 
 def difference_sheet(
@@ -78,7 +76,7 @@ def difference_picture(
     """
     apart = [(b.image - a.image).abs().amax(-1, keepdim=True) for a, b in zip(before, after)]
     ordered = torch.cat([each.flatten() for each in apart]).sort().values
-    most = max(float(ordered[int(0.999 * (len(ordered) - 1))]), LEAST_DIFFERENCE)
+    most = max(float(ordered[int(0.999 * (len(ordered) - 1))]), 4 / 255)
     differences = [
         View(view.name, view.camera, (each / most).clamp(0, 1).expand(-1, -1, 3))
         for view, each in zip(before, apart)

@@ -88,10 +88,6 @@ def principal_axes(
     return variances, quaternions_of(axes)
 
 
-_DIGITS = 14
-"""Decimals kept of a matrix's entries: a turn by a right angle then has exact zeros and ones."""
-
-
 _TURNED_AT_ONCE = 1 << 13
 """Gaussians whose harmonics are turned at once: 32 directions of 16 coefficients each, 32 MB."""
 
@@ -126,7 +122,7 @@ def sh_matrix(turn: Float64[np.ndarray, "3 3"], degree: int) -> Float64[np.ndarr
     for band in range(degree + 1):
         its = slice(band * band, (band + 1) ** 2)
         matrix[its, its] = np.linalg.lstsq(before[:, its], after[:, its], rcond=None)[0]
-    return np.round(matrix, _DIGITS)
+    return np.round(matrix, 14)  # a right angle has exact zeros and ones
 
 
 def rotate_sh(

@@ -48,13 +48,9 @@ VIEW_PIXELS = 512
 SILENT = 0.5
 """Largest value of a mask's surest pixel, of that of all masks, whose view does not vote: it shows
 nothing of what is asked for, or missed it, and may be the only one to see that side."""
-TOP = 0.9
-"""Quantile of the values that are likely inside, which counts as certainly inside."""
 BIAS = 0.55
 """Least value inside, of that one. Of thresholds from 0.2 to 0.8, fixed and relative, the best on
 15 things of six synthetic stages under nine kinds of noise (docs/measurements/regions.md)."""
-LEAST_TOP = 0.05
-"""Least such value, of views that mostly missed it: below, nothing is inside."""
 LEAST_SURE = 0.3
 """Least value of the surest pixel of all masks: soft ones are not 0 where nothing is. A guess."""
 ALIKE, LEAST_PART = 0.75, 0.02
@@ -132,8 +128,8 @@ def lift_masks(
     lifted, graph = lift(scene, cameras, masks), neighbors(scene)
     values = smoothed(lifted, graph)
     likely = (values > otsu(values, lifted.weight)) & (lifted.weight > MIN_SEEN_PIXELS)
-    top = float(values[likely].quantile(TOP)) if likely.any() else 0.0
-    if top < LEAST_TOP:
+    top = float(values[likely].quantile(0.9)) if likely.any() else 0.0
+    if top < 0.05:  # hardly a view has a mask
         return torch.zeros_like(likely)
     inside = _alike(values > BIAS * top, values, lifted, graph)
     return within_silhouette(scene, cameras, inside)

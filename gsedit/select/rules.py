@@ -408,10 +408,6 @@ def _placed(
     return place
 
 
-RAYS = 3
-"""A point, of which the majority counts: one ray may pass through an edge."""
-
-
 def inside(mesh: str) -> Selection:
     """Select the inside of a closed mesh: .obj, .ply, .stl, .off or .glb."""
 
@@ -422,7 +418,8 @@ def inside(mesh: str) -> Selection:
         near = ((table.means >= low) & (table.means <= high)).all(1)  # and no NaN
         points = open3d.core.Tensor.from_numpy(np.ascontiguousarray(table.means[near]))
         found = np.zeros(len(table), bool)
-        found[near] = casting.compute_occupancy(points, nsamples=RAYS).numpy() > 0.5
+        # of which the majority counts: one may pass through an edge
+        found[near] = casting.compute_occupancy(points, nsamples=3).numpy() > 0.5
         return found
 
     return Selection(mask)
@@ -548,8 +545,6 @@ def middle(within: float, cameras: str, scene: str = "") -> Selection:
 
 TYPICAL = 8.0
 """A gap, in median distances of a Gaussian to its nearest one, where none is given."""
-SAMPLED_GAUSSIANS = 20_000
-"""Gaussians of which that median is taken."""
 MIXED = np.array((0x1E3779B97F4A7C15, 0x42B2AE3D27D4EB4F, 0x165667B19E3779F9), np.int64)
 """Large odd factors that make one number of a cell's three; it wraps round, and two cells share one
 by a chance of less than one in a million."""
@@ -604,7 +599,7 @@ def typical_gap(points: Float64[np.ndarray, "n 3"]) -> float:
     places = np.unique(points, axis=0)
     if len(places) < 2:
         return 1.0
-    asked = places[:: -(-len(places) // SAMPLED_GAUSSIANS)]
+    asked = places[:: -(-len(places) // 20_000)]
     distance, _ = k_nearest(places, asked, 2)
     return TYPICAL * float(np.median(distance[:, 1]))
 

@@ -288,10 +288,6 @@ def _matches(
     return Matches(of_before, of_after, same_rows, sampled, *changes)
 
 
-CHANCE_SHARE = 0.01
-"""Share of the Gaussians below which those that both scenes have may be there by chance."""
-
-
 def difference_table(result: SceneDifference, paths: tuple[Path, Path]) -> str:
     """Return the comparison of two scenes, named by their files, as aligned tables."""
     counts, degrees = result.counts, result.sh_degrees
@@ -340,7 +336,7 @@ def matches_text(matches: Matches) -> str:
             f"{matches.of_before:.1%} of the first scene's Gaussians are in the second, "
             f"{matches.of_after:.1%} of the second's in the first{sample}"
         )
-    if matches.moved is None or max(matches.of_before, matches.of_after) < CHANCE_SHARE:
+    if matches.moved is None or max(matches.of_before, matches.of_after) < 0.01:
         return text
     return (
         f"{text}\nthese differ (RMS) in place by {matches.moved:.3g}, in the logarithm of size by "

@@ -27,9 +27,6 @@ from gsedit.views.viewpoints import Viewpoint
 from rasterizer.camera import Camera
 
 NAME = "cameras.json"
-_SAME_ANGLE = 1e-3
-"""Relative difference of focal lengths: pictures of another size are rounded to whole pixels."""
-_ORTHONORMAL = 1e-3  # of R^T R: other writers round to float32 or to a few decimals
 _CAMERAS = list_of(
     object_of(
         {
@@ -120,7 +117,7 @@ def _same_cameras(viewpoints: Sequence[View | Viewpoint], path: Path) -> bool:
         and torch.allclose(
             a.camera.world_to_camera, b.camera.world_to_camera.double(), rtol=1e-5, atol=1e-6
         )
-        and isclose(_angle(a.camera), _angle(b.camera), rel_tol=_SAME_ANGLE)
+        and isclose(_angle(a.camera), _angle(b.camera), rel_tol=1e-3)
         for a, b in zip(found, ordered)
     )
 
@@ -149,7 +146,7 @@ def _entry(index: int, viewpoint: View | Viewpoint) -> dict[str, Any]:
 def _viewpoint(entry: dict[str, Any], where: str) -> Viewpoint:
     position, rotation = (torch.from_numpy(entry[key]) for key in ("position", "rotation"))
     gram = rotation.T @ rotation - torch.eye(3, dtype=torch.float64)
-    if gram.abs().max() > _ORTHONORMAL or rotation.det() < 0:
+    if gram.abs().max() > 1e-3 or rotation.det() < 0:
         raise InputError(f"{where}: rotation is none: correct it, or remove the file")
     fx, fy, width, height = (entry[key] for key in ("fx", "fy", "width", "height"))
     width, height = int(width), int(height)

@@ -30,8 +30,6 @@ KEYS = 24
 CONVERGED = 0.02
 """Least share of the cameras' optical axes that leads across each direction (the smallest
 eigenvalue of their mean projection), for their common point to be known."""
-BEFORE = 0.75
-"""Least share of the cameras that must have that point before them."""
 TURNED = 0.02
 """Least second eigenvalue of the cameras' horizontal axes, of which the mean square is 1: below it
 they all look the same way, and do not say which of two directions is up."""
@@ -128,7 +126,7 @@ def common_point(cameras: Sequence[Camera]) -> Float[Tensor, "3"] | None:
         return None
     point = torch.linalg.solve(mean, (across @ eyes[:, :, None]).mean(0)[:, 0])
     before = (((point - eyes) * ahead).sum(-1) > 0).double().mean()
-    return point if float(before) >= BEFORE else None
+    return point if float(before) >= 0.75 else None  # most cameras have it before them
 
 
 def up_of(cameras: Sequence[Camera]) -> Float[Tensor, "3"]:

@@ -18,8 +18,6 @@ from gsedit.views.image_ops import downscale
 from gsedit.views.viewpoints import Viewpoint
 
 SUFFIXES = (".png", ".jpg", ".jpeg")
-PROPORTIONS = 0.02
-"""Most relative difference of the proportions of a picture and of its view."""
 
 
 class NoPicturesError(InputError):
@@ -96,7 +94,7 @@ def _fitted(file: Path, viewpoint: Viewpoint) -> Float[Tensor, "h w 3"]:
     picture, camera = read_picture(file), viewpoint.camera
     rows, columns, _ = picture.shape
     shape = camera.width / camera.height
-    if abs(columns / rows - shape) > PROPORTIONS * shape:
+    if abs(columns / rows - shape) > 0.02 * shape:
         raise InputError(
             f"{file} is {columns}x{rows} and its view {camera.width}x{camera.height}: their "
             "proportions differ; give pictures of these views"

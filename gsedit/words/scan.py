@@ -18,8 +18,6 @@ MANNERS = frozenset(
      "print", "drawing", "picture", "image", "art")
 )  # fmt: skip
 """Words after a painting style that is no thing: "in the woodcut style", "add a comic look"."""
-SLIP = 2
-"""Most letters that are left out: an "impression" is not "impressionist"."""
 LIKENS = ("as", "into", "like", "style of")
 """Ends of words after which a thing is what a picture is to look like."""
 ALIKE, NEARLY = 0.82, 0.9
@@ -153,7 +151,8 @@ def _single(word: str) -> Word:
     if len(word) >= 5:  # fewer letters are too near to other words
         known = [
             each for each in _spellings()
-            if each[0] == word[0] and word != f"{each}s" and len(each) <= len(word) + SLIP
+            # an "impression" is not "impressionist"
+            if each[0] == word[0] and word != f"{each}s" and len(each) <= len(word) + 2
         ]  # fmt: skip
         cutoff = ALIKE if len(word) > 5 else NEARLY
         if near := get_close_matches(word, known, n=1, cutoff=cutoff):

@@ -86,8 +86,6 @@ def garden(scale: float, path: Path) -> Workload:
 
 
 GARDEN_SCALES = (1.0, 0.25)
-DSSIM_WEIGHT = 0.2
-"""Weight of DSSIM in the loss of a fit."""
 REFERENCE_SECONDS = 10.0
 """No run of the reference begins after them."""
 RUNS = 7
@@ -223,7 +221,7 @@ def weighted_sum(weights: Float[Tensor, "h w 3"]) -> Loss:
 
 def photometric_loss(photo: Float[Tensor, "h w 3"]) -> Loss:
     """That of a fit; the same for every renderer."""
-    return lambda picture: photometric(picture, photo, DSSIM_WEIGHT, compiled=True)
+    return lambda picture: photometric(picture, photo, 0.2, compiled=True)
 
 
 def measure_case(case: Case, runs: int) -> Iterator[Speed]:

@@ -51,7 +51,6 @@ CODE = 2  # channels of a cell that encode its variant: a triangle lies in a pla
 CELL_PIXELS = (
     8  # Stable Diffusion's, so that correspondences are met at the size that real weights have
 )
-FIRST_T = 932  # the first time of 20 steps at strength 0.98: where the variants are equally likely
 
 
 def fine_schedule() -> Schedule:
@@ -189,8 +188,9 @@ class ClosedForm:
         offsets = torch.stack([self.encode(variant) for variant in variants]) - base
         offsets[:, :, -CODE:] = self._codes(base)[:, None]
         width = self.distribution.width * self._scale(originals.shape[1:3].numel())
-        # weights pi_k such that from the noised original every variant is as likely as another
-        ab = self.schedule.alpha(FIRST_T)
+        # weights pi_k such that from the noised original every variant is as likely as another, at
+        # the first time of 20 steps at strength 0.98
+        ab = self.schedule.alpha(932)
         variance = width**2 + (1 - ab) / ab
         energy = offsets.flatten(2).double().square().sum(-1).T
         log_weights = (energy / (2 * variance)).log_softmax(-1)

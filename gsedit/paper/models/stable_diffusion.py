@@ -26,8 +26,6 @@ from gsedit.paper.models.loading import Parts, explained
 from gsedit.paper.models.model import Model, TextNetwork, tokens_over, words
 from gsedit.paper.protocol import Capabilities
 
-XL_GUIDANCE = 5.0
-"""The instruction's weight that diffusers' pipeline of SDXL has as its default."""
 SCHEDULERS = (
     "DDIMScheduler", "DDPMScheduler", "PNDMScheduler", "LMSDiscreteScheduler",
     "EulerDiscreteScheduler", "EulerAncestralDiscreteScheduler", "HeunDiscreteScheduler",
@@ -246,7 +244,8 @@ def load(parts: Parts, *, micro_batch: int) -> Pix2Pix:
         ),
         schedule=noise.schedule,
         predicts=noise.predicts,
-        defaults=noise.defaults._replace(guidance_text=XL_GUIDANCE) if is_xl else noise.defaults,
+        # 5 is the default of diffusers' pipeline of SDXL
+        defaults=noise.defaults._replace(guidance_text=5.0) if is_xl else noise.defaults,
         to_clean=noise.to_clean,
         micro_batch=micro_batch,
         zeros_for_empty=parts.index.get("force_zeros_for_empty_prompt", True),

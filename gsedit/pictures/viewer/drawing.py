@@ -322,6 +322,8 @@ def _add_bar(plotter: Any, mapper: Any, shown: Attribute, look: Look) -> None:
 
 SHARE = 0.06
 """Length of a pyramid in the extent of the cameras, or of the scene where there is one camera."""
+
+
 EDGES = ((0, 1), (0, 2), (0, 3), (0, 4), (1, 2), (2, 3), (3, 4), (4, 1))
 """Edges of a pyramid: its tip is corner 0, the corners of its picture are 1 to 4."""
 

@@ -31,8 +31,6 @@ VECTOR = 100
 """Numbers that a style is told by."""
 STAGES = ((16, 1, 1), (24, 2, 2), (32, 3, 2), (64, 4, 2), (96, 3, 1), (160, 3, 2), (320, 1, 1))
 """Stages of the MobileNetV2: channels, blocks, and the stride of the first block."""
-EXPANSION = 6
-"""Channels within a block over those before it; 1 in the first."""
 STYLED = (*(32,) * 10, 16, 8, 3)
 """Channels of each layer of the painting network that has a style."""
 
@@ -64,7 +62,7 @@ class StylePredictor(nn.Module):
         inputs = 32
         for outputs, count, stride in STAGES:
             for k in range(count):
-                expansion = EXPANSION if self.blocks else 1
+                expansion = 6 if self.blocks else 1
                 self.blocks.append(Block(inputs, outputs, 1 if k else stride, expansion))
                 inputs = outputs
         self.last = nn.Conv2d(inputs, 1280, 1)
