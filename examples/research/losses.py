@@ -23,7 +23,7 @@ from gsedit.measures.features import FeatureExtractor, FilterBank
 from gsedit.measures.losses import gram_loss, mse
 from gsedit.measures.perceptual import VGG, Vgg16, read_weights, vgg_features
 from gsedit.paper.editors import Capabilities, EditBatch, EditProgress
-from gsedit.paper.editors.looks.recipe import parse
+from gsedit.paper.editors.looks import parse
 from gsedit.paper.strategies.single_pass import SinglePass
 from gsedit.views.dataset import capture
 from research.command import print_result, run

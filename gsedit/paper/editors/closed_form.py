@@ -42,7 +42,7 @@ from torch import Tensor
 from gsedit.paper.diffusion.guidance import Branches, Need
 from gsedit.paper.diffusion.predictions import Prediction
 from gsedit.paper.diffusion.schedules import Schedule
-from gsedit.paper.editors.looks.recipe import VARIANTS, agreed_variant, parse
+from gsedit.paper.editors.looks import VARIANTS, agreed_variant, parse
 from gsedit.paper.protocol import Capabilities, GroundTruth
 from gsedit.views.image_ops import rotate_hue
 from gsedit.views.padding import PadMode
