@@ -284,7 +284,7 @@ def views_of(
 @contextmanager
 def numbered(file: Path, scene: Gaussians, views: Views) -> Iterator[None]:
     """Draw the numbers of a scene's objects into a file where a sentence may mean several."""
-    from gsedit.editing.rivals import SeveralObjects
+    from gsedit.editing.parts import SeveralObjects
     from gsedit.formats.pictures import save_picture
     from gsedit.pictures.segment_sheet import segment_sheet
     from gsedit.select.phrase import names

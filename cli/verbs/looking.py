@@ -88,8 +88,7 @@ def info(scene: Scene, *, checks: InfoOptions, files: FileOptions) -> None:
 
 def show_summary(scene: Path, source: SceneSource) -> None:
     """Print the summary of a scene."""
-    from gsedit.pictures.scene_table import summary_table
-    from gsedit.toolkit.scene_summary import summarise
+    from gsedit.toolkit.scene_summary import summarise, summary_table
 
     (summary, _), size = summarise(source), bytes_of(source.path)
     record = {"file": scene, "bytes": size, **of_file(source), **asdict(summary)}

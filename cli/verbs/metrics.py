@@ -129,8 +129,7 @@ def measure_and_show(
     subject: EvaluationInput, against: Reference, request: dict[str, Any], outputs: Outputs
 ) -> None:
     """Measure, write the files, and print the table or the record."""
-    from gsedit.measures.evaluation import evaluate
-    from gsedit.measures.evaluation_table import evaluation_record, evaluation_table
+    from gsedit.measures.evaluation import evaluate, evaluation_record, evaluation_table
     from gsedit.pictures.difference_sheet import difference_sheet
     from gsedit.run.json_lines import write_record
 

@@ -17,9 +17,8 @@ from gsedit.paper.evidence import SHEET_HELD_OUT_VIEWS
 from gsedit.run.atomic import atomic_path, check_writable
 from gsedit.run.environment import environment
 from gsedit.run.events import as_record
-from gsedit.run.inputs import file_inside
+from gsedit.run.inputs import file_inside, safe_name
 from gsedit.run.json_lines import write_line, write_record
-from gsedit.run.safe_names import safe_name
 from gsedit.select.region import save_region
 from gsedit.views.view_pictures import write_view_pictures
 

@@ -33,8 +33,7 @@ from gsedit.select.region import (
 from gsedit.select.surfaces import neighbors
 from gsedit.views.dataset import View
 from gsedit.views.depth_maps import DEFAULT_RULES, NO_RULES
-from gsedit.views.image_ops import downscale
-from gsedit.views.padding import pad_camera, pad_to_multiple
+from gsedit.views.image_ops import downscale, pad_camera, pad_to_multiple
 from rasterizer.camera import Camera
 from rasterizer.numerics import Execution
 from rasterizer.scene import Gaussians

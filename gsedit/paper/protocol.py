@@ -18,7 +18,7 @@ from gsedit.paper.diffusion.sampler import levels_of
 from gsedit.paper.diffusion.schedules import NoiseLevel
 from gsedit.paper.diffusion.settings import SamplerDefaults, SamplerSettings
 from gsedit.run.ranks import Ranks
-from gsedit.views.padding import PadMode
+from gsedit.views.image_ops import PadMode
 
 GroundTruth = Callable[[Float[Tensor, "n h w 3"]], Float[Tensor, "n h w 3"]]
 """A map from unedited to truly edited pictures, values in [0, 1]."""

@@ -13,7 +13,7 @@ from scipy.ndimage import binary_erosion, distance_transform_edt, median_filter
 from torch import Tensor
 
 from gsedit.formats.pictures import as_picture, eight_bits
-from gsedit.pictures.captioned import captioned
+from gsedit.pictures.contact_sheet import captioned
 from gsedit.select.region import Region, tinted
 from gsedit.select.segment import Segments
 from gsedit.views.dataset import evenly_spaced

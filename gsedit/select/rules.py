@@ -430,7 +430,7 @@ def _casting(path: Path, changed: int) -> tuple[Any, Any, Any]:
     """The scene to cast rays in and the mesh's bounds. Raises InputError for no closed mesh."""
     import trimesh
 
-    from gsedit.formats.mesh_files import geometries
+    from gsedit.formats.mesh import geometries
 
     try:
         parts = [part for part in geometries(path) if hasattr(part, "faces")]

@@ -19,7 +19,7 @@ from jaxtyping import Float64
 
 from gsedit.errors import UsageError
 from gsedit.formats.streams import SceneHeader
-from gsedit.formats.usd.units import rescaled
+from gsedit.formats.usd.file import rescaled
 from gsedit.run.environment import load_extra
 from gsedit.scene.neighbors import k_nearest
 from gsedit.scene.planes import Plane, voted_plane

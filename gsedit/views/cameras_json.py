@@ -19,9 +19,8 @@ import torch
 from gsedit.errors import InputError
 from gsedit.formats.limits import MAX_POSITION, MAX_SIDE, check_lens
 from gsedit.run.atomic import atomic_path, beside_or_shared
-from gsedit.run.inputs import beside
+from gsedit.run.inputs import beside, safe_name
 from gsedit.run.json_files import list_of, number, numbers, object_of, read_json, text
-from gsedit.run.safe_names import safe_name
 from gsedit.views.dataset import View
 from gsedit.views.viewpoints import Viewpoint
 from rasterizer.camera import Camera

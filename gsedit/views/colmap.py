@@ -12,8 +12,7 @@ from torch import Tensor
 
 from gsedit.errors import InputError
 from gsedit.formats.limits import check_lens, check_points, check_pose
-from gsedit.run.inputs import existing_file, open_regular, refuse_doubles
-from gsedit.run.safe_names import safe_name
+from gsedit.run.inputs import existing_file, open_regular, refuse_doubles, safe_name
 from gsedit.views.photos import (
     REDUCED,
     Capture,

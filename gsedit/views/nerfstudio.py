@@ -18,9 +18,8 @@ from torch import Tensor
 from gsedit.errors import InputError
 from gsedit.formats.limits import MAX_COEFFICIENT, MAX_POSITION, MAX_SIDE, check_lens
 from gsedit.formats.pictures import picture_size
-from gsedit.run.inputs import file_inside, refuse_doubles
+from gsedit.run.inputs import file_inside, refuse_doubles, safe_name
 from gsedit.run.json_files import list_of, number, numbers, object_of, read_json, text
-from gsedit.run.safe_names import safe_name
 from gsedit.views.colmap import read_colmap_points
 from gsedit.views.export_frame import applied_by
 from gsedit.views.photos import (

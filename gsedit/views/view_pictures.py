@@ -11,8 +11,7 @@ from torch import Tensor
 
 from gsedit.errors import InputError
 from gsedit.formats.pictures import as_picture, read_picture, save_picture
-from gsedit.run.inputs import file_inside
-from gsedit.run.safe_names import picture_names
+from gsedit.run.inputs import file_inside, picture_names
 from gsedit.views.dataset import View
 from gsedit.views.image_ops import downscale
 from gsedit.views.viewpoints import Viewpoint

@@ -8,7 +8,7 @@ from command_line import files, gsedit
 from PIL import Image
 
 from gsedit.paper.editors.painter.style_sheet import CELL, COLUMNS
-from gsedit.pictures.captioned import CAPTION, MARGIN
+from gsedit.pictures.contact_sheet import CAPTION, MARGIN
 from gsedit.words.styles import STYLES
 
 

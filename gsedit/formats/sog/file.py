@@ -33,7 +33,7 @@ from gsedit.formats.streams import (
     SceneSource,
     gather,
 )
-from gsedit.run.inputs import existing_file, file_inside
+from gsedit.run.inputs import existing_file, file_inside, safe_name
 from gsedit.run.json_files import (
     Check,
     Misfit,
@@ -45,7 +45,6 @@ from gsedit.run.json_files import (
     parse_json,
     text,
 )
-from gsedit.run.safe_names import safe_name
 from gsedit.scene.table import SplatTable
 
 _CUT = "it is cut off or damaged, copy or export it again"

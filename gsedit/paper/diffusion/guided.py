@@ -12,8 +12,7 @@ from typing import Any
 import torch
 
 from gsedit.errors import UsageError
-from gsedit.paper.diffusion.guidance import Need, Predictor, guide, needed
-from gsedit.paper.diffusion.predictions import Latents
+from gsedit.paper.diffusion.guidance import Latents, Need, Predictor, guide, needed
 from gsedit.paper.diffusion.schedules import NoiseLevel
 from gsedit.paper.diffusion.settings import SamplerSettings
 

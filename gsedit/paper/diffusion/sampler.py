@@ -17,16 +17,16 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from gsedit.errors import UsageError
-from gsedit.paper.diffusion.guidance import Predictor
-from gsedit.paper.diffusion.guided import Guided, check_finite
-from gsedit.paper.diffusion.predictions import (
+from gsedit.paper.diffusion.guidance import (
     Latents,
     Pair,
     Prediction,
+    Predictor,
     as_pair,
     clean_of,
     noise_of,
 )
+from gsedit.paper.diffusion.guided import Guided, check_finite
 from gsedit.paper.diffusion.schedules import NoiseLevel, Schedule
 from gsedit.paper.diffusion.settings import SamplerSettings
 

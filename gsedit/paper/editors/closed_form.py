@@ -39,13 +39,11 @@ import torch.nn.functional as F
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.paper.diffusion.guidance import Branches, Need
-from gsedit.paper.diffusion.predictions import Prediction
+from gsedit.paper.diffusion.guidance import Branches, Need, Prediction
 from gsedit.paper.diffusion.schedules import Schedule
 from gsedit.paper.editors.looks import VARIANTS, agreed_variant, parse
 from gsedit.paper.protocol import Capabilities, GroundTruth
-from gsedit.views.image_ops import rotate_hue
-from gsedit.views.padding import PadMode
+from gsedit.views.image_ops import PadMode, rotate_hue
 
 CODE = 2  # channels of a cell that encode its variant: a triangle lies in a plane
 CELL_PIXELS = (

@@ -19,8 +19,7 @@ from torch import Tensor
 
 from gsedit.formats.pictures import as_picture
 from gsedit.paper.diffusion.flow import FlowScheduler
-from gsedit.paper.diffusion.guidance import Need
-from gsedit.paper.diffusion.predictions import Prediction
+from gsedit.paper.diffusion.guidance import Need, Prediction
 from gsedit.paper.diffusion.schedules import NoiseLevel
 from gsedit.paper.diffusion.settings import SamplerDefaults, SamplerSettings
 from gsedit.paper.models.loading import Parts

@@ -16,8 +16,7 @@ from torch.nn.functional import pixel_shuffle, pixel_unshuffle
 
 from gsedit.errors import UsageError
 from gsedit.paper.diffusion.flow import FlowScheduler, check_spacing, empirical_mu
-from gsedit.paper.diffusion.guidance import Need
-from gsedit.paper.diffusion.predictions import Latents, Prediction
+from gsedit.paper.diffusion.guidance import Latents, Need, Prediction
 from gsedit.paper.diffusion.schedules import NoiseLevel
 from gsedit.paper.diffusion.settings import SamplerDefaults, SamplerSettings
 from gsedit.paper.models.loading import Parts

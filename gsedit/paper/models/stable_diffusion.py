@@ -17,8 +17,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from gsedit.errors import InputError
-from gsedit.paper.diffusion.guidance import Need
-from gsedit.paper.diffusion.predictions import Prediction
+from gsedit.paper.diffusion.guidance import Need, Prediction
 from gsedit.paper.diffusion.schedules import NoiseLevel, Schedule
 from gsedit.paper.diffusion.settings import SamplerDefaults, SamplerSettings
 from gsedit.paper.models.hub import SDXL

@@ -16,13 +16,21 @@ from torch import Tensor
 
 from gsedit.errors import Said, UsageError
 from gsedit.paper.diffusion.settings import SamplerSettings
-from gsedit.paper.editors.painter.network import CELL, Affine, Moments, PaintNetwork, mixed, padded
+from gsedit.paper.editors.painter.network import (
+    CELL,
+    Affine,
+    Moments,
+    PaintNetwork,
+    hold,
+    mixed,
+    padded,
+    weights_of,
+)
 from gsedit.paper.editors.painter.picture_style import (
     load_picture_styles,
     read_style_picture,
     style_of,
 )
-from gsedit.paper.editors.painter.weights import hold, weights_of
 from gsedit.paper.protocol import Capabilities, EditBatch, EditProgress
 from gsedit.scene.color_space import LUMINANCE
 from gsedit.words.styles import styles_asked

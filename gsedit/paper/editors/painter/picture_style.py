@@ -17,8 +17,7 @@ from torch import Tensor, nn
 
 from gsedit.errors import UsageError
 from gsedit.formats.pictures import fitted_size, read_photo, turned_size
-from gsedit.paper.editors.painter.network import Affine, PaintNetwork
-from gsedit.paper.editors.painter.weights import hold, weights_of
+from gsedit.paper.editors.painter.network import Affine, PaintNetwork, hold, weights_of
 
 WEIGHTS = Path(__file__).with_name("picture_style.safetensors")
 SIDE = 256

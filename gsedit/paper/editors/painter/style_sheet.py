@@ -11,7 +11,7 @@ from torch import Tensor
 from gsedit.formats.pictures import as_picture
 from gsedit.paper.editors.painter.editor import load_painter
 from gsedit.paper.editors.painter.network import painted
-from gsedit.pictures.captioned import captioned
+from gsedit.pictures.contact_sheet import captioned
 from gsedit.scene.picture import render_picture
 from gsedit.views.around import score_render
 from gsedit.views.dataset import evenly_spaced
