@@ -127,17 +127,6 @@ def recorded_viewpoints(path: Path | None, scene: Gaussians, size: int) -> tuple
     return viewpoints
 
 
-def load_views(
-    path: Path | None, scene: Gaussians, options: ViewOptions, execution: Execution
-) -> Dataset:
-    """Return the views of an edit: photos of --data, or renders from recorded or found cameras.
-
-    The path is None for a scene that is no longer as its file has it.
-    """
-    resolved = resolve_cameras(path, scene, options, execution=execution)
-    return resolved.dataset(scene, execution)
-
-
 def resolve_cameras(
     path: Path | None,
     scene: Gaussians,
@@ -208,16 +197,14 @@ class ResolvedCameras:
             cameras[name] = viewpoint.camera
         return cameras
 
-    def dataset(self, scene: Gaussians, execution: Execution) -> Dataset:
-        """The views with pictures: the photos, or renders; of many recorded cameras, of some."""
-        from gsedit.views.viewpoints import rendered, that_see, thinned
+    def some(self, scene: Gaussians, execution: Execution) -> Sequence[Viewpoint]:
+        """The found viewpoints; of many recorded ones some, without those that see nothing."""
+        from gsedit.views.viewpoints import that_see, thinned
 
-        if self.photos is not None:
-            return self.photos
         if self.found:
-            return rendered(scene, self.viewpoints, execution)
+            return self.viewpoints
         some = thinned(self.viewpoints)
         seeing = that_see(some, scene, execution)
         if len(seeing) < len(some):
             print_message(f"{len(some) - len(seeing)} cameras see nothing: they are skipped")
-        return rendered(scene, seeing, execution)
+        return seeing

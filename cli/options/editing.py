@@ -57,7 +57,7 @@ class EditorOptions:
     """painter: keep the colors of the scene, and paint its brightness alone."""
     model: str | None = option()
     """pix2pix, diffusers: a folder of weights, or a Hugging Face id."""
-    weights_dir: Path | None = option()
+    weights_dir: Path | None = option(flags=None)
     """pix2pix, diffusers: folder where downloaded weights are kept."""
     yes: bool = option(False)
     """pix2pix, diffusers: download what --model names without being asked."""
@@ -67,7 +67,7 @@ class EditorOptions:
     run: str | None = option(None, "COMMAND")
     """command: the program to run, as in "my_editor {input} {output} {prompt}". It must write to
     the folder {output} a PNG for each PNG in {input}. No shell is involved."""
-    timeout: float | None = option(None, "SECONDS")
+    timeout: float | None = option(flags=None)
     """command: seconds that the program may take for the views of a batch. None: no limit."""
 
     def settled(self) -> EditorOptions:
@@ -263,7 +263,7 @@ def views_of(
     Of many recorded cameras a 2D editor is shown views from some.
     """
     from gsedit.views.lazy_views import of_one_size
-    from gsedit.views.viewpoints import same_size, that_see, thinned
+    from gsedit.views.viewpoints import same_size
 
     resolved = resolve_cameras(path, scene, options, execution=execution)
     if drawn and resolved.photos is not None:
@@ -271,14 +271,8 @@ def views_of(
         if framed is not resolved.photos:
             print_message(framed.notes[-1])
         return framed
-    viewpoints = same_size(resolved.viewpoints, options.pixels)
-    if not drawn or resolved.found:
-        return viewpoints
-    some = thinned(viewpoints)
-    seeing = that_see(some, scene, execution)
-    if len(seeing) < len(some):
-        print_message(f"{len(some) - len(seeing)} cameras see nothing: they are skipped")
-    return seeing
+    sized = replace(resolved, viewpoints=same_size(resolved.viewpoints, options.pixels))
+    return sized.some(scene, execution) if drawn else sized.viewpoints
 
 
 @contextmanager

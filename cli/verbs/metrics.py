@@ -16,7 +16,7 @@ from ..core.console import as_json, print_json, print_message, shown
 from ..core.kernel import say_kernel
 from ..core.outputs import check_file
 from ..core.progress import counting
-from ..options.cameras import ViewOptions, load_views
+from ..options.cameras import ViewOptions, resolve_cameras
 from ..options.common import Data, Reads, Writes, load_scene
 from .render import render_settings
 
@@ -272,7 +272,7 @@ def place_views(
     from gsedit.measures.against import find_pictures, resized
     from gsedit.views.cameras_json import cameras_file
     from gsedit.views.view_list_files import by_capture, read_view_list, with_roles_of
-    from gsedit.views.viewpoints import viewpoints_of
+    from gsedit.views.viewpoints import rendered, viewpoints_of
 
     given = read_view_list(listed.views) if listed.views is not None else against.views
     size = listed.size or 256  # as of `gsedit edit`
@@ -283,7 +283,9 @@ def place_views(
     # cameras beside the unedited scene: those of edited ones may differ from edit to edit
     beside_own = against.kind != "scene" or (cameras_file(path) and not cameras_file(against.path))
     place, seen = (path, scene) if beside_own or unedited is None else (against.path, unedited)
-    dataset = load_views(place, seen, ViewOptions(of_photos, size=size), execution)
+    options = ViewOptions(of_photos, size=size)
+    found = resolve_cameras(place, seen, options, execution=execution)
+    dataset = found.photos or rendered(seen, found.some(seen, execution), execution)
     views = by_capture(viewpoints_of(dataset))
     if against.kind != "photos":
         return views, find_pictures(against, views), {}

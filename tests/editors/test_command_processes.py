@@ -30,7 +30,7 @@ from gsedit.errors import GseditError
 def test_a_program_that_takes_too_long_is_ended_with_its_children(program, tmp_path):
     pids = tmp_path / "pids"
     editor = program(CHILD.format(pids=str(pids)), timeout=1.0)
-    with pytest.raises(GseditError, match=r"stopped after 1 s: raise --timeout.*0 of 2 pictures"):
+    with pytest.raises(GseditError, match=r"stopped after 1 s: raise it by --set timeout.*0 of 2 pictures"):
         run(editor)
     assert ended([int(pid) for pid in pids.read_text().split()])
 

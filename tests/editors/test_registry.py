@@ -96,9 +96,9 @@ def test_ours_are_listed_with_what_they_need():
     assert ours["closed-form"].ready
     assert not ours["closed-form"].options
     for name in ("pix2pix", "diffusers"):
-        assert ours[name].options == ("--model", "--weights-dir", "--yes", "--runtime")
+        assert ours[name].options == ("--model", "--yes", "--runtime")
     assert "black-forest-labs/FLUX.2-klein-4B" in ours["diffusers"].needs[-1]
-    assert ours["command"].options == ("--run", "--timeout")
+    assert ours["command"].options == ("--run",)
     assert "{input} {output} {prompt}" in ours["command"].needs[0]
     assert all(listing.summary for listing in ours.values())
     assert isinstance(make_editor(), Editor)
