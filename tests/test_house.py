@@ -12,9 +12,9 @@ ROOT = Path(__file__).parents[1]
 LONGEST_FUNCTION = 40
 """Lines, the docstring not counted."""
 MOST = {
-    "product": (("gsedit", "cli", "rasterizer"), 68_843, 403),
-    "tests": (("tests",), 32_056, 299),
-    "examples": (("examples",), 5_705, 48),
+    "product": (("gsedit", "cli", "rasterizer"), 68_761, 403),
+    "tests": (("tests",), 31_955, 299),
+    "examples": (("examples",), 5_690, 48),
 }
 """Lines and files of Python of the whole house: whoever wants a line finds one to give. These
 numbers only ever fall."""

@@ -11,12 +11,7 @@ import numpy as np
 from gsedit.errors import InputError, UsageError
 from gsedit.formats.files import open_scene, write_scene
 from gsedit.formats.registry import READABLE, WRITABLE
-from gsedit.formats.streams import (
-    SceneHeader,
-    gather,
-    header_of,
-    in_blocks,
-)
+from gsedit.formats.streams import SceneHeader, gather, header_of, in_blocks
 from gsedit.formats.validity import Guard
 from gsedit.scene.table import gaussians_of, table_of
 from rasterizer.scene import Gaussians

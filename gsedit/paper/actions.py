@@ -14,12 +14,7 @@ from torch import Tensor
 from gsedit.capture.fitting.crops import CorrectedCrops
 from gsedit.capture.fitting.random_crops import crops_needed
 from gsedit.capture.fitting.solve import solve_colors, trusting_penalty
-from gsedit.capture.fitting.strokes import (
-    BAND_PENALTY,
-    leading_shares,
-    leading_views,
-    stroke_steps,
-)
+from gsedit.capture.fitting.strokes import BAND_PENALTY, leading_shares, leading_views, stroke_steps
 from gsedit.capture.fitting.update import Target, update_steps
 from gsedit.errors import InputError
 from gsedit.paper.edit_views import edit_views

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import isfinite, radians, sin, tau
-from typing import Literal, get_args
+from typing import get_args
 
 import numpy as np
 import torch
@@ -17,11 +17,10 @@ from torch import Tensor
 
 from gsedit.errors import UsageError
 from gsedit.scene.framing import Bounds
+from gsedit.views import PathKind
 from gsedit.views.dataset import evenly_spaced
 from gsedit.views.orbit import perpendicular, towards
 from rasterizer.camera import Camera, look_at
-
-PathKind = Literal["turntable", "orbit", "spline"]
 
 ARC = 60.0
 """Degrees between the ends of an orbit."""

@@ -151,13 +151,7 @@ def test_views_follow_an_anchor(k):
     followed = 0
     for seed in range(4):
         edited = edit(
-            images,
-            "bronze",
-            TO_THE_END,
-            seed,
-            matches=matches,
-            anchored=anchored,
-            originals=views,
+            images, "bronze", TO_THE_END, seed, matches=matches, anchored=anchored, originals=views
         )
         assert torch.equal(edited[0], images[0])
         _, votes = agreed_variant(parse("bronze"), edited, views)

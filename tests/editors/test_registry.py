@@ -12,12 +12,7 @@ from gsedit_cli.main import app
 from typer.testing import CliRunner
 
 from gsedit.errors import GseditError, UsageError
-from gsedit.paper.editors import (
-    Editor,
-    list_editors,
-    make_editor,
-    registry,
-)
+from gsedit.paper.editors import Editor, list_editors, make_editor, registry
 
 THEIRS = '''
 from gsedit.paper.editors import Capabilities

@@ -19,13 +19,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.bench.renderer.accuracy import (
-    FIELDS,
-    Draw,
-    differentiate,
-    errors,
-    reference_of,
-)
+from gsedit.bench.renderer.accuracy import FIELDS, Draw, differentiate, errors, reference_of
 from gsedit.bench.results import commit, machine, markdown_table
 from gsedit.bench.synthetic import ring_cameras, surface_gaussians
 from gsedit.bench.synthetic.gallery import columns

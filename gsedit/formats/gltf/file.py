@@ -24,22 +24,9 @@ from jaxtyping import Float32
 
 from gsedit.errors import InputError, UsageError
 from gsedit.formats.axes import LUF, from_axes, to_axes
-from gsedit.formats.gltf.document import (
-    AGAIN,
-    GLB_CHUNK,
-    GLB_HEADER,
-    Accessor,
-    Document,
-)
+from gsedit.formats.gltf.document import AGAIN, GLB_CHUNK, GLB_HEADER, Accessor, Document
 from gsedit.formats.quantised import log_scales_of, logits_of
-from gsedit.formats.streams import (
-    AT_ONCE,
-    PROGRAM,
-    Blocks,
-    ReadOptions,
-    SceneHeader,
-    SceneSource,
-)
+from gsedit.formats.streams import AT_ONCE, PROGRAM, Blocks, ReadOptions, SceneHeader, SceneSource
 from gsedit.scene.quaternions import rotation_of
 from gsedit.scene.similarity import IDENTITY, Similarity, similarity_of
 from gsedit.scene.table import SplatTable

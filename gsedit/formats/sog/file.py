@@ -25,14 +25,7 @@ from gsedit.errors import InputError
 from gsedit.formats.limits import check_expansion
 from gsedit.formats.quantised import from_smallest_three, logits_of
 from gsedit.formats.sog.encode import ENTRIES_A_ROW, LARGEST_TAG, META, write_sog
-from gsedit.formats.streams import (
-    AT_ONCE,
-    Blocks,
-    ReadOptions,
-    SceneHeader,
-    SceneSource,
-    gather,
-)
+from gsedit.formats.streams import AT_ONCE, Blocks, ReadOptions, SceneHeader, SceneSource, gather
 from gsedit.run.inputs import existing_file, file_inside, safe_name
 from gsedit.run.json_files import (
     Check,
