@@ -14,7 +14,7 @@ LONGEST_FUNCTION = 40
 MOST = {
     "product": (("gsedit", "cli", "rasterizer"), 68_761, 403),
     "tests": (("tests",), 31_955, 299),
-    "examples": (("examples",), 5_690, 48),
+    "examples": (("examples",), 5_502, 46),
 }
 """Lines and files of Python of the whole house: whoever wants a line finds one to give. These
 numbers only ever fall."""
