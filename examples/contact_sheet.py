@@ -61,7 +61,6 @@ VIEW_PIXELS = 256
 CELL_PIXELS, FRONT_PIXELS = 200, 320
 """Heights of pictures, pixels."""
 LABEL_PIXELS, GAP = 18, 2
-MOST_BYTES = 900_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,10 +196,10 @@ def front_picture(shown: Shown, scenes: Sequence[Gaussians | None]) -> Image.Ima
 
 
 def save(sheet: Image.Image, path: Path) -> None:
-    """Write a JPEG of at most MOST_BYTES, of the best quality that allows."""
+    """Write a JPEG of at most 0.9 MB, of the best quality that allows."""
     for quality in range(90, 40, -5):
         sheet.save(path, quality=quality, optimize=True)
-        if path.stat().st_size <= MOST_BYTES:
+        if path.stat().st_size <= 900_000:
             break
     say(str(path))
 

@@ -111,20 +111,17 @@ def say_if_smaller(photos: Dataset, size: int) -> None:
         )
 
 
-def recorded_viewpoints(path: Path | None, scene: Gaussians, size: int) -> tuple[Viewpoint, ...]:
+def recorded(path: Path | None, scene: Gaussians, size: int) -> tuple[Viewpoint, ...]:
     """Return all cameras recorded beside a scene file; none if none of them sees the scene."""
-    from gsedit.views.cameras_json import cameras_file, read_cameras
-    from gsedit.views.viewpoints import same_size, that_see, thinned, viewpoints_near
+    from gsedit.views.cameras_json import cameras_file, recorded_viewpoints
 
     file = None if path is None else cameras_file(path)
-    if file is None:
-        return ()
-    viewpoints = viewpoints_near(same_size(read_cameras(file), size), scene)
-    if not that_see(thinned(viewpoints, 16), scene):
+    found = recorded_viewpoints(scene, file, size)
+    if found:
+        print_message(f"views are taken from the {len(found)} cameras of {file}")
+    elif file is not None:
         print_message(f"{file}: none of these cameras sees the scene; they are ignored")
-        return ()
-    print_message(f"views are taken from the {len(viewpoints)} cameras of {file}")
-    return viewpoints
+    return found
 
 
 def resolve_cameras(
@@ -157,8 +154,8 @@ def known_cameras(
         photos = load_photos(options.data, options.pixels, path)
         say_if_smaller(photos, options.pixels)
         return ResolvedCameras(viewpoints_of(photos), photos)
-    recorded = () if options.placed else recorded_viewpoints(path, scene, options.pixels)
-    return ResolvedCameras(recorded) if recorded else None
+    found = () if options.placed else recorded(path, scene, options.pixels)
+    return ResolvedCameras(found) if found else None
 
 
 def say_if_empty(viewpoints: Sequence[Viewpoint], scene: Gaussians, execution: Execution) -> None:

@@ -401,7 +401,7 @@ def tint(
             "and writes region.npy; or name the part with --region"
         )
     print_message(f"region: {found}")
-    return tinted(scene, found)
+    return tinted(scene, found.inside)
 
 
 def write(

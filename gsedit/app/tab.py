@@ -21,11 +21,10 @@ from gsedit.app.frames import (
     Painter,
     Way,
     picture,
-    tinted,
 )
 from gsedit.app.moves import on_page
 from gsedit.errors import GseditError
-from gsedit.select.region import TINT
+from gsedit.select.region import tinted
 from rasterizer.camera import Camera
 from rasterizer.numerics import DEFAULT
 from rasterizer.project import rotation_matrices
@@ -175,7 +174,7 @@ class Tab:
         if shown is not None:
             flags = self._marked()
             if flags is not None and len(flags) == len(shown):
-                shown = tinted(shown, flags, TINT)
+                shown = tinted(shown, flags)
             if self._tint is not None and len(self._tint[0]) == len(shown):
                 shown = tinted(shown, *self._tint)
         numerics = DEFAULT if seen is None else seen.numerics

@@ -49,7 +49,7 @@ def region_sheet(
     viewpoints: Sequence[Viewpoint],
 ) -> Image.Image:
     """A sheet of at most VIEWS views with a region tinted."""
-    shown = tinted(scene, region)
+    shown = tinted(scene, region.inside)
     return _sheet(viewpoints, lambda camera: as_picture(render(shown, camera).color))
 
 

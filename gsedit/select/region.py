@@ -75,12 +75,13 @@ def in_one_color(scene: Gaussians, values: Bool[Tensor, " n"] | Float[Tensor, " 
     return replace(scene, sh=grey[:, None, None].expand(-1, 1, 3))
 
 
-def tinted(scene: Gaussians, region: Region) -> Gaussians:
-    """The scene with the Gaussians inside the region tinted, for a person to look at."""
-    tint = color_to_sh(torch.tensor(TINT)).to(scene.sh)
+def tinted(
+    scene: Gaussians, inside: Bool[Tensor, " n"], color: tuple[float, float, float] = TINT
+) -> Gaussians:
+    """The scene with the Gaussians inside tinted, for a person to look at; colors in [0, 1]."""
     sh = scene.sh.clone()
-    sh[region.inside] *= 1 - TINT_STRENGTH
-    sh[region.inside, 0] += TINT_STRENGTH * tint
+    sh[inside] *= 1 - TINT_STRENGTH
+    sh[inside, 0] += TINT_STRENGTH * color_to_sh(torch.tensor(color)).to(sh)
     return replace(scene, sh=sh)
 
 

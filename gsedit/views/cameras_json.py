@@ -22,8 +22,9 @@ from gsedit.run.atomic import atomic_path, beside_or_shared
 from gsedit.run.inputs import beside, safe_name
 from gsedit.run.json_files import list_of, number, numbers, object_of, read_json, text
 from gsedit.views.dataset import View
-from gsedit.views.viewpoints import Viewpoint
+from gsedit.views.viewpoints import Viewpoint, same_size, that_see, thinned, viewpoints_near
 from rasterizer.camera import Camera
+from rasterizer.scene import Gaussians
 
 NAME = "cameras.json"
 _CAMERAS = list_of(
@@ -68,6 +69,15 @@ def read_cameras(path: str | Path) -> tuple[Viewpoint, ...]:
     )
     viewpoints = [_viewpoint(entry, f"{path}: [{i}]") for i, entry in enumerate(entries)]
     return tuple(sorted(viewpoints, key=lambda viewpoint: viewpoint.name))
+
+
+def recorded_viewpoints(scene: Gaussians, file: Path | None, size: int) -> tuple[Viewpoint, ...]:
+    """The viewpoints of a cameras.json on pictures `size` pixels wide, for a scene beside it; none
+    if none of them sees the scene, or without a file."""
+    if file is None:
+        return ()
+    found = viewpoints_near(same_size(read_cameras(file), size), scene)
+    return found if that_see(thinned(found, 16), scene) else ()
 
 
 def write_cameras(
