@@ -12,8 +12,8 @@ ROOT = Path(__file__).parents[1]
 LONGEST_FUNCTION = 40
 """Lines, the docstring not counted."""
 MOST = {
-    "product": (("gsedit", "cli", "rasterizer"), 68_739, 403),
-    "tests": (("tests",), 31_954, 299),
+    "product": (("gsedit", "cli", "rasterizer"), 68_531, 399),
+    "tests": (("tests",), 31_953, 299),
     "examples": (("examples",), 5_502, 46),
 }
 """Lines and files of Python of the whole house: whoever wants a line finds one to give. These

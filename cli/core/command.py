@@ -497,6 +497,5 @@ SetOption = Annotated[
     ),
 ]
 HelpAll = Annotated[
-    bool,
-    typer.Option("--help-all", is_eager=True, callback=show_all, help="List all options."),
+    bool, typer.Option("--help-all", is_eager=True, callback=show_all, help="List all options.")
 ]

@@ -225,7 +225,7 @@ def views_of(
 
 def draw(result: SceneDifference, pair: Pair, out: Path, force: bool) -> None:
     """Write the picture: the worst view, and evenly spaced ones of the others."""
-    from gsedit.pictures.difference_sheet import difference_picture
+    from gsedit.pictures.contact_sheet import difference_picture
     from gsedit.scene.picture import render_picture
     from gsedit.views.dataset import View, evenly_spaced
 
@@ -377,12 +377,7 @@ class MeshOptions(Reads, Writes):
 
 
 @shows("--output", "--faces", "--watertight", "--where", "--region", "--data", "--force")
-def mesh(
-    scene: Scene,
-    *,
-    own: MeshOptions,
-    selection: SelectionOptions,
-) -> None:
+def mesh(scene: Scene, *, own: MeshOptions, selection: SelectionOptions) -> None:
     """Make a mesh of what the views of a scene show.
 
     gsedit mesh scene.ply -o scene.glb

@@ -130,7 +130,7 @@ def measure_and_show(
 ) -> None:
     """Measure, write the files, and print the table or the record."""
     from gsedit.measures.evaluation import evaluate, evaluation_record, evaluation_table
-    from gsedit.pictures.difference_sheet import difference_sheet
+    from gsedit.pictures.contact_sheet import difference_sheet
     from gsedit.run.json_lines import write_record
 
     with counting("measure") as tell:

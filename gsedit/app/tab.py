@@ -14,14 +14,7 @@ import torch
 from torch import Tensor
 
 from gsedit.app.document import Eye
-from gsedit.app.frames import (
-    RESTING_QUALITY,
-    DisplayState,
-    LatestOnlyWorker,
-    Painter,
-    Way,
-    picture,
-)
+from gsedit.app.frames import RESTING_QUALITY, DisplayState, LatestOnlyWorker, Painter, Way, picture
 from gsedit.app.moves import on_page
 from gsedit.errors import GseditError
 from gsedit.select.region import tinted
@@ -321,11 +314,7 @@ class Tab:
         self.client.send_file_download(path.name, path.read_bytes(), save_immediately=True)
 
     def key(
-        self,
-        label: str,
-        hotkey: Any,
-        function: Callable[[], None],
-        modifier: Any = None,
+        self, label: str, hotkey: Any, function: Callable[[], None], modifier: Any = None
     ) -> None:
         """Let a key call a function; the command palette (Ctrl-K) lists it under its label."""
         command = self.gui.add_command(label, hotkey=hotkey, modifier=modifier)

@@ -162,9 +162,7 @@ class Worker:
 
 
 def _conversation(
-    process: subprocess.Popen[str],
-    arguments: Sequence[str],
-    hear: Callable[..., None],
+    process: subprocess.Popen[str], arguments: Sequence[str], hear: Callable[..., None]
 ) -> tuple[dict[str, Any], list[str]]:
     """Tell a process its arguments and `hear` each event and line of it, to its end; its records by
     their type, and its messages."""

@@ -198,11 +198,7 @@ def compare_renders(
 
 @torch.no_grad()
 def compare_pairs(
-    views: UneditedViews,
-    images: Pictures,
-    pictures: PicturesOf,
-    range_: Range,
-    pairs: Pairs,
+    views: UneditedViews, images: Pictures, pictures: PicturesOf, range_: Range, pairs: Pairs
 ) -> WarpComparison | None:
     """Both errors over the same pixels, from one warp of both pictures a pair; None where no pair
     shares 1 % of its pixels."""

@@ -308,10 +308,7 @@ def evaluation_record(
     return {
         **request,
         "views": {role: evaluation.number(role) for role in MEASURED_ROLES},
-        "measured": {
-            **evaluation.record(),
-            **against.cost,
-        },
+        "measured": {**evaluation.record(), **against.cost},
         "not_measured": {**evaluation.not_measured, **missing_cost(against)},
         "by_view": evaluation.views,
         **environment(),

@@ -253,10 +253,7 @@ def painted(
 
 
 def _seen(
-    points: Float[Tensor, "v 3"],
-    normals: Float[Tensor, "v 3"],
-    surface: SeenSurface,
-    behind: float,
+    points: Float[Tensor, "v 3"], normals: Float[Tensor, "v 3"], surface: SeenSurface, behind: float
 ) -> tuple[Float[Tensor, "v 3"], Float[Tensor, " v"]]:
     """Colors of vertices in a view, and their weights: 0 where it does not see them."""
     camera = surface.camera

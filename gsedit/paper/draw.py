@@ -19,10 +19,9 @@ from gsedit.paper.actions import RollbackAction
 from gsedit.paper.diffusion.precision import has_bfloat16
 from gsedit.paper.edit_views import batch_of
 from gsedit.paper.evaluate import Drawing, evaluate_edit
-from gsedit.paper.progress import start_progress
 from gsedit.paper.protocol import Cost
 from gsedit.paper.request import Request, asks_editor, fits_pictures, request_record, uses_all_views
-from gsedit.paper.session import Session
+from gsedit.paper.session import Session, start_progress
 from gsedit.paper.skips import (
     DISABLED,
     TERMINAL_COLUMNS,

@@ -117,10 +117,7 @@ class Capabilities:
     """Whether smaller views are edited at `best_size` too, and the change is carried down: for
     networks that draw something else at a size that they were not trained at."""
     find_ground_truth: (
-        Callable[
-            [str, Float[Tensor, "v h w 3"], Float[Tensor, "v h w 3"]],
-            GroundTruth | None,
-        ]
+        Callable[[str, Float[Tensor, "v h w 3"], Float[Tensor, "v h w 3"]], GroundTruth | None]
         | None
     ) = None
     """(prompt, edited views, their originals) -> the true edit that these views agreed on, or None;
@@ -207,10 +204,7 @@ class Autoencoder(Protocol):
         ...
 
     def encode_edited(
-        self,
-        images: Float[Tensor, "v h w 3"],
-        originals: Float[Tensor, "v h w 3"],
-        prompt: str,
+        self, images: Float[Tensor, "v h w 3"], originals: Float[Tensor, "v h w 3"], prompt: str
     ) -> Float[Tensor, "v c y x"]:
         """Latents of finished edits of these originals: what anchored views are held to."""
         ...

@@ -139,11 +139,7 @@ def render_maps(
 
 @torch.no_grad()
 def normal_map(
-    scene: Gaussians,
-    camera: Camera,
-    *,
-    numerics: Numerics = DEFAULT,
-    execution: Execution = AUTO,
+    scene: Gaussians, camera: Camera, *, numerics: Numerics = DEFAULT, execution: Execution = AUTO
 ) -> Float[Tensor, "h w 3"]:
     """Unit normals: the Gaussians' shortest axes, turned to the camera, blended as colors are.
 

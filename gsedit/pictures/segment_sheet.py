@@ -33,21 +33,14 @@ TINT, QUIET = 0.15, 0.25
 
 @torch.no_grad()
 def segment_sheet(
-    scene: Gaussians,
-    segments: Segments,
-    told: Sequence[str],
-    viewpoints: Sequence[Viewpoint],
+    scene: Gaussians, segments: Segments, told: Sequence[str], viewpoints: Sequence[Viewpoint]
 ) -> Image.Image:
     """A sheet of at most VIEWS views; `told` are the names of the segments by number."""
     return _sheet(viewpoints, lambda camera: _view(scene, segments, told, camera))
 
 
 @torch.no_grad()
-def region_sheet(
-    scene: Gaussians,
-    region: Region,
-    viewpoints: Sequence[Viewpoint],
-) -> Image.Image:
+def region_sheet(scene: Gaussians, region: Region, viewpoints: Sequence[Viewpoint]) -> Image.Image:
     """A sheet of at most VIEWS views with a region tinted."""
     shown = tinted(scene, region.inside)
     return _sheet(viewpoints, lambda camera: as_picture(render(shown, camera).color))
@@ -66,12 +59,7 @@ def _sized(camera: Camera) -> Camera:
     return camera.resized(*(round(scale * side) for side in (camera.width, camera.height)))
 
 
-def _view(
-    scene: Gaussians,
-    segments: Segments,
-    told: Sequence[str],
-    camera: Camera,
-) -> Image.Image:
+def _view(scene: Gaussians, segments: Segments, told: Sequence[str], camera: Camera) -> Image.Image:
     picture = eight_bits(render(scene, camera).color) / 255
     owner = median_filter(_owners(scene, segments, camera).numpy(), 5)
     colors = np.array([_color(segments, i) for i in range(len(told))])

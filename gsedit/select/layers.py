@@ -149,10 +149,7 @@ def walls(surfaces: Surfaces, among: Bool[np.ndarray, " n"]) -> list[Int[np.ndar
 
 
 def _best_wall(
-    surfaces: Surfaces,
-    voters: Int[np.ndarray, " v"],
-    tolerance: float,
-    random: np.random.Generator,
+    surfaces: Surfaces, voters: Int[np.ndarray, " v"], tolerance: float, random: np.random.Generator
 ) -> Plane | None:
     """The steep or hanging plane with most voters that face along it."""
 
@@ -166,10 +163,7 @@ def _best_wall(
 
 
 def _on_plane(
-    surfaces: Surfaces,
-    rows: Int[np.ndarray, " m"],
-    plane: Plane,
-    tolerance: float,
+    surfaces: Surfaces, rows: Int[np.ndarray, " m"], plane: Plane, tolerance: float
 ) -> Bool[np.ndarray, " m"]:
     """Flag the rows that are on a plane and face along its normal, either way."""
     near = np.abs(plane.heights(surfaces.points[rows])) < tolerance

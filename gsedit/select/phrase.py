@@ -25,7 +25,7 @@ from gsedit.select.segment import Segment, Segments, segment
 from gsedit.words.colors import PLAIN, longest
 from gsedit.words.colors import named as color_of
 from gsedit.words.lexicon import things
-from gsedit.words.tokens import MARKS, tokens
+from gsedit.words.scan import MARKS, tokens
 from rasterizer.camera import Camera
 from rasterizer.scene import Gaussians
 

@@ -703,9 +703,5 @@ FORMS: dict[str, Callable[..., Selection]] = {
     "all": lambda: EVERYTHING,
 }
 """Selections by their names in expressions."""
-VALUES: dict[str, Callable[..., Value]] = {
-    "distance": distance,
-    "column": column,
-    "abs": absolute,
-}
+VALUES: dict[str, Callable[..., Value]] = {"distance": distance, "column": column, "abs": absolute}
 """Functions that give a number a Gaussian, by their names in expressions."""

@@ -167,9 +167,7 @@ def _continued(
 
 
 def sliced_distance(
-    a: Float[np.ndarray, "n 3"],
-    weights: Float[np.ndarray, " n"],
-    b: Float[np.ndarray, "m 3"],
+    a: Float[np.ndarray, "n 3"], weights: Float[np.ndarray, " n"], b: Float[np.ndarray, "m 3"]
 ) -> float:
     """Sliced Wasserstein-2 distance of two sets of sRGB colors, in units of Lab (a difference of
     1 to 2 is just seen).

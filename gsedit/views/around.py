@@ -122,9 +122,7 @@ def normals_from_depth(camera: Camera, depth: Float[Tensor, "h w"]) -> Float[Ten
 
 
 def find_up(
-    directions: Float[Tensor, "d 3"],
-    normals: Float[Tensor, "n 3"],
-    forwards: Float[Tensor, "v 3"],
+    directions: Float[Tensor, "d 3"], normals: Float[Tensor, "n 3"], forwards: Float[Tensor, "v 3"]
 ) -> Float[Tensor, "3"] | None:
     """The upward unit vector, float64; None where nothing says.
 

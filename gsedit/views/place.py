@@ -121,10 +121,7 @@ def _seen_ball(
 
 
 def _reach(
-    scene: Gaussians,
-    seen: Float[Tensor, " n"] | None,
-    center: Float[Tensor, "3"],
-    share: float,
+    scene: Gaussians, seen: Float[Tensor, " n"] | None, center: Float[Tensor, "3"], share: float
 ) -> float:
     """Radius around a center that holds a share of what is seen."""
     away = (scene.means.detach().double() - center).norm(dim=-1)

@@ -269,10 +269,7 @@ def cones(directions: Float[Tensor, "d 3"]) -> Float[Tensor, "d b"]:
 
 
 def find_places(
-    sample: Sample,
-    wish: ViewConstraints,
-    generator: torch.Generator,
-    effort: SearchEffort = EFFORT,
+    sample: Sample, wish: ViewConstraints, generator: torch.Generator, effort: SearchEffort = EFFORT
 ) -> Places:
     """The best places: proposed, then moved at random in three rounds, by ever less.
 

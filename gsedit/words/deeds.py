@@ -1,7 +1,7 @@
 """One clause about an object as a change: remove, scale, turn, move, copy, insert; and about what
 lies or grows on things. Loads no torch.
 
-Its patterns, in deeds.txt, are of a whole clause as `gsedit.words.tokens` spells it.
+Its patterns, in deeds.txt, are of a whole clause as `gsedit.words.scan` spells it.
 """
 
 from __future__ import annotations

@@ -27,12 +27,7 @@ class Pair(NamedTuple):
     eps: Latents
 
 
-def as_pair(
-    kind: Prediction,
-    predicted: Latents,
-    x: Latents,
-    level: NoiseLevel,
-) -> Pair:
+def as_pair(kind: Prediction, predicted: Latents, x: Latents, level: NoiseLevel) -> Pair:
     """(x0, eps) of a prediction at x_t. Raises UsageError for eps where nothing is left of x0."""
     a, b = level.a, level.b
     match kind:

@@ -51,11 +51,7 @@ class Guided:
 
 
 def predict_guided(
-    denoiser: Predictor,
-    condition: Any,
-    x: Latents,
-    level: NoiseLevel,
-    settings: SamplerSettings,
+    denoiser: Predictor, condition: Any, x: Latents, level: NoiseLevel, settings: SamplerSettings
 ) -> Latents:
     """One guided prediction, in the dtype of x. Raises UsageError if it is not finite."""
     return Guided(denoiser, condition, settings)(x, level)

@@ -136,12 +136,7 @@ class Schedule:
                 return [level.t for level in self._karras(steps, t_max)]
 
     def levels(
-        self,
-        steps: int,
-        strength: float = 1.0,
-        spacing: Spacing = "leading",
-        *,
-        clean: bool = True,
+        self, steps: int, strength: float = 1.0, spacing: Spacing = "leading", *, clean: bool = True
     ) -> list[NoiseLevel]:
         """`steps` + 1 falling levels: a step leads from one to the next.
 

@@ -222,10 +222,7 @@ class ClosedForm:
         )
 
     def find_ground_truth(
-        self,
-        prompt: str,
-        edited: Float[Tensor, "v h w 3"],
-        originals: Float[Tensor, "v h w 3"],
+        self, prompt: str, edited: Float[Tensor, "v h w 3"], originals: Float[Tensor, "v h w 3"]
     ) -> GroundTruth:
         """The unperturbed variant that most views show, of any pictures."""
         recipe = parse(prompt)
@@ -233,10 +230,7 @@ class ClosedForm:
         return partial(recipe.variant, k=agreed)
 
     def encode_edited(
-        self,
-        images: Float[Tensor, "v h w 3"],
-        originals: Float[Tensor, "v h w 3"],
-        prompt: str,
+        self, images: Float[Tensor, "v h w 3"], originals: Float[Tensor, "v h w 3"], prompt: str
     ) -> Float[Tensor, "v c y x"]:
         """Latents of finished edits: each cell's code is that of the variant the view shows."""
         _, votes = agreed_variant(parse(prompt), images, originals)

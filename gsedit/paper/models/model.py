@@ -165,10 +165,7 @@ class Model(ABC):
             )
 
     def encode_edited(
-        self,
-        images: Float[Tensor, "v h w 3"],
-        originals: Float[Tensor, "v h w 3"],
-        prompt: str,
+        self, images: Float[Tensor, "v h w 3"], originals: Float[Tensor, "v h w 3"], prompt: str
     ) -> Latents:
         """As encode: these latents are of the picture alone."""
         return self.encode(images)

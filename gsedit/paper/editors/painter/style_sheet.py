@@ -36,9 +36,7 @@ def style_sheet(scene: Gaussians, viewpoints: Sequence[Viewpoint]) -> Image.Imag
     return captioned([(name, as_picture(picture)) for name, picture in cells], COLUMNS)
 
 
-def in_every_style(
-    picture: Float[Tensor, "h w 3"],
-) -> Iterator[tuple[str, Float[Tensor, "h w 3"]]]:
+def in_every_style(picture: Float[Tensor, "h w 3"]) -> Iterator[tuple[str, Float[Tensor, "h w 3"]]]:
     """Each style's name, and the picture painted in it.
 
     Raises InputError where the painter's weights are missing or damaged.
