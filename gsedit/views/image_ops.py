@@ -78,7 +78,7 @@ def pad_to_multiple(
 
 
 def pad_to(
-    x: Shaped[Tensor, "v h w ..."], height: int, width: int, mode: PadMode, value: float = 0
+    x: Shaped[Tensor, "v h w ..."], height: int, width: int, mode: PadMode, value: int | float = 0
 ) -> Shaped[Tensor, "v H W ..."]:
     """Rows and columns continued to so many, at least as many as `x` has; `value` is what
     `constant` adds. The same tensor where nothing is to add."""
