@@ -119,7 +119,7 @@ def _problem(name: str, parts: Sequence[str]) -> str:
     return ""
 
 
-def picture_names(names: Sequence[str], suffix: str = ".png") -> list[str]:
+def picture_names(names: Sequence[str]) -> list[str]:
     """Return a file name for the picture of each view, all distinct: images/a.png for images/a.jpg.
 
     Names that differ in their suffix or in case alone keep their suffix (a.jpg.png); equal names
@@ -132,9 +132,9 @@ def picture_names(names: Sequence[str], suffix: str = ".png") -> list[str]:
     found = []
     for name, stem in zip(safe, stems):
         base = stem if shared[stem.casefold()] == 1 else str(name)
-        file, number = f"{base}{suffix}", 2
+        file, number = f"{base}.png", 2
         while file.casefold() in taken:
-            file, number = f"{base}_{number}{suffix}", number + 1
+            file, number = f"{base}_{number}.png", number + 1
         taken.add(file.casefold())
         found.append(file)
     return found

@@ -104,11 +104,11 @@ def in_units(name: str, values: np.ndarray) -> np.ndarray:
     return sh_to_color(values) if name in ("red", "green", "blue") else values
 
 
-def summarise(source: SceneSource, most_values: int = MOST_VALUES) -> tuple[SceneSummary, Sample]:
+def summarise(source: SceneSource) -> tuple[SceneSummary, Sample]:
     """The summary of a scene file and the values it is made of. Invalid rows are left out of
     everything, and counted. Raises InputError where no row is valid."""
     guard = Guard(drop=True)
-    sample = Sample(max(1, -(-source.count // most_values)))
+    sample = Sample(max(1, -(-source.count // MOST_VALUES)))
     for block in guard(source.blocks()):
         if len(block):
             sample.add(block)

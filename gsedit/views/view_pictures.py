@@ -52,7 +52,7 @@ def read_view_pictures(
     found: dict[int, Path] = {}
     written = picture_names([viewpoint.name for viewpoint in viewpoints])
     for file in files:
-        index = _view_of(file, folder, viewpoints, written)
+        index = view_of(file.relative_to(folder), [v.name for v in viewpoints], written)
         if index is None:
             continue
         if index in found:
@@ -66,26 +66,23 @@ def read_view_pictures(
     return {index: _fitted(found[index], viewpoints[index]) for index in sorted(found)}
 
 
-def _view_of(
-    file: Path, folder: Path, viewpoints: Sequence[Viewpoint], written: Sequence[str]
-) -> int | None:
-    """The index of the view that a file belongs to; None where it belongs to none. `written`: the
-    names that `write_view_pictures` gives the views."""
-    path = file.relative_to(folder).with_suffix("")
-    names = [Path(viewpoint.name).with_suffix("") for viewpoint in viewpoints]
+def view_of(file: Path, views: Sequence[str], written: Sequence[str] = ()) -> int | None:
+    """The index of the view that a file (relative to its folder) belongs to; None where it belongs
+    to none. `written`: the names that `write_view_pictures` gives the views. Raises InputError
+    where it belongs to several."""
+    path = file.with_suffix("")
+    names = [Path(view).with_suffix("") for view in views]
     stem = re.sub(r"^\d+_", "", path.name)
     matches = (
-        [i for i, name in enumerate(written) if name == file.relative_to(folder).as_posix()],
+        [i for i, name in enumerate(written) if name == file.as_posix()],
         [i for i, name in enumerate(names) if name == path],
         [i for i, name in enumerate(names) if name.name == path.name],
         [i for i, name in enumerate(names) if name.name == stem],
     )
-    views = next((each for each in matches if each), [])
-    if len(views) == 1:
-        return views[0]
-    if views:
-        raise InputError(f"{file}: {len(views)} views are named {path.name}: keep their folders")
-    return None
+    found = next((each for each in matches if each), [])
+    if len(found) > 1:
+        raise InputError(f"{file}: {len(found)} views are named {path.name}: keep their folders")
+    return found[0] if found else None
 
 
 def _fitted(file: Path, viewpoint: Viewpoint) -> Float[Tensor, "h w 3"]:
