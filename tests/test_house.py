@@ -12,7 +12,7 @@ ROOT = Path(__file__).parents[1]
 LONGEST_FUNCTION = 40
 """Lines, the docstring not counted."""
 MOST = {
-    "product": (("gsedit", "cli", "rasterizer"), 68_531, 399),
+    "product": (("gsedit", "cli", "rasterizer"), 68_447, 399),
     "tests": (("tests",), 31_953, 299),
     "examples": (("examples",), 5_502, 46),
 }

@@ -147,7 +147,8 @@ class Setting:
         if self.negatable:
             first = f"{first}/--no-{first.removeprefix('--')}"
         shown = f"{self.meaning}  [default: {self.default}]" if self.default else self.meaning
-        more = {"metavar": choices_text(self.type), "show_default": False}
+        choices = "|".join(get_args(self.type)) if get_origin(self.type) is Literal else None
+        more = {"metavar": choices, "show_default": False}
         given = {name: value for name, value in self.more.items() if value is not None}
         found = typer.Option(first, *others, help=shown, **{**more, **given})
         if self.required:
@@ -203,11 +204,6 @@ def option_type(path: FieldPath, annotation: Any) -> Any:
     if len(alternatives) == 1 and type(None) in get_args(annotation):
         return option_type(path, alternatives[0])
     raise TypeError(f"setting {'.'.join(path)}: no option can hold a {annotation}")
-
-
-def choices_text(kind: Any) -> str | None:
-    """Return the choices of a Literal for the help; None for any other type, which typer names."""
-    return "|".join(get_args(kind)) if get_origin(kind) is Literal else None
 
 
 def meaning_and_default(doc: str, default: Any) -> tuple[str, str]:

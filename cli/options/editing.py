@@ -187,7 +187,8 @@ def resolve(preset: str, values: Values) -> tuple[EditSettings, Strategy]:
     chosen = {path[1:]: value for path, value in own.items() if path[1:]}
     for (field_name,) in chosen:
         classes = {each: find_strategy(each) for each in strategy_names()}
-        owners = [each for each, kind in classes.items() if field_name in field_names(kind)]
+        known = {each: {item.name for item in fields(kind)} for each, kind in classes.items()}
+        owners = [each for each, names in known.items() if field_name in names]
         if name not in owners:
             raise UsageError(
                 f"{field_name} is a setting of the strategy {' and '.join(owners)}, not of {name}: "
@@ -195,10 +196,6 @@ def resolve(preset: str, values: Values) -> tuple[EditSettings, Strategy]:
             )
     strategy = with_values(named.applied_to(find_strategy(name)()), chosen)
     return with_values(named.settings, shared), strategy
-
-
-def field_names(record: type) -> set[str]:
-    return {item.name for item in fields(record)}
 
 
 def idle_settings(values: Values, settings: EditSettings) -> list[str]:

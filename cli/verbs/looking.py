@@ -345,7 +345,8 @@ def region_volume(
 def tell(scene: Path, found: dict[str, Size], points: Sequence[SurfacePoint] = ()) -> None:
     """Print the sizes, and how the scale is set from a known one."""
     for number, each in enumerate(points, 1):
-        print_message(f"point {number}: {_listed(each)}, known to {each.sigma:.3g}")
+        place = ", ".join(f"{value:.5g}" for value in each.position)
+        print_message(f"point {number}: {place}, known to {each.sigma:.3g}")
     if len(points) == 2 and "distance" in found:
         ends = ",".join(f"{value:.6g}" for each in points for value in each.position)
         print_message(f"if you know it: gsedit align {scene} --length={ends}=LENGTH -o scaled.ply")
@@ -358,10 +359,6 @@ def tell(scene: Path, found: dict[str, Size], points: Sequence[SurfacePoint] = (
     ]
     text = "\n".join(f"{name}: {size}" for name, size in found.items())
     print_result(record, text)
-
-
-def _listed(point: SurfacePoint) -> str:
-    return ", ".join(f"{value:.5g}" for value in point.position)
 
 
 @dataclass(frozen=True)

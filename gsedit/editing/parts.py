@@ -137,7 +137,10 @@ def _regions(changes: Sequence[Change], finder: Finder) -> dict[str, Region]:
         if phrase in (IT, *meant):
             continue
         if phrase in firsts:
-            raise _unknown(phrase)
+            raise UsageError(
+                f"only a network knows what {phrase!r} is, beside the main subject: tell it by its "
+                "color, size or place, as in 'the red one' or 'the largest'"
+            )
         try:
             found[phrase] = finder.named(phrase)
         except UsageError as error:
@@ -162,14 +165,6 @@ def unknown_nouns(changes: Sequence[Change], names: Names) -> list[str]:
 def taken_nouns(changes: Sequence[Change], names: Names) -> list[str]:
     """The noun that is taken for the main subject: the first unknown one, unless "it" is said."""
     return unknown_nouns(changes, names)[: IT not in _phrases(changes)]
-
-
-def _unknown(phrase: str) -> UsageError:
-    """The error for a noun beside the one that is the subject."""
-    return UsageError(
-        f"only a network knows what {phrase!r} is, beside the main subject: tell it by its color, "
-        "size or place, as in 'the red one' or 'the largest'"
-    )
 
 
 def _others(region: Region) -> Region:

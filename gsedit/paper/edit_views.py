@@ -74,19 +74,13 @@ def vote_region(
 
     `cameras` are those of all views; `edited` and `originals` are pictures by index.
     """
-    changes = [_change(image, originals[i]) for i, image in edited.items()]
+    # the root mean square over the channels
+    changes = [(image - originals[i]).square().mean(-1).sqrt() for i, image in edited.items()]
     lifted = lift(scene, [cameras[i] for i in edited], changes, execution)
     inside = find_changed(scene, lifted)
     if inside is None:
         return Region(everything(scene).inside, "auto: the edit is of the whole scene")
     return Region(inside, "auto: what the edit changes")
-
-
-def _change(
-    edited: Float[Tensor, "h w 3"], original: Float[Tensor, "h w 3"]
-) -> Float[Tensor, "h w"]:
-    """The root mean square over the channels of the difference."""
-    return torch.sqrt((edited - original).square().mean(-1))
 
 
 MEASURE = "measure"
@@ -285,7 +279,7 @@ def batch_of(
     images = [
         _at_edit_size(answers[i], unedited.condition(i), originals[i])
         if i in anchors
-        else _fitted(start[i], cameras[i])
+        else downscale(start[i], cameras[i].width, cameras[i].height).clamp(0, 1)  # rounding
         for i in members
     ]
     return EditBatch(
@@ -320,11 +314,6 @@ def _at_edit_size(
     if width > answer.shape[1]:
         return carry_change(answer[None], own[None], original[None])[0]
     return downscale(answer, width, height).clamp(0, 1)
-
-
-def _fitted(image: Float[Tensor, "h w 3"], camera: Camera) -> Float[Tensor, "y x 3"]:
-    """The picture, as small as the camera's; weights may leave [0, 1] by rounding."""
-    return downscale(image, camera.width, camera.height).clamp(0, 1)
 
 
 def choose_anchors(

@@ -45,13 +45,6 @@ def inside_box(
     return inside
 
 
-def inside_ball(
-    points: Float[np.ndarray, "n 3"], center: Sequence[float], radius: float
-) -> Bool[np.ndarray, " n"]:
-    """Flag the points at most `radius` from the center."""
-    return squared_norm(points - np.array(center, np.float32)) <= np.square(np.float64(radius))
-
-
 def squared_norm(vectors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
     """Squared lengths; infinite where they leave the float type."""
     return np.einsum("ij,ij->i", vectors, vectors)
@@ -342,7 +335,8 @@ def sphere(x: float, y: float, z: float, radius: float) -> Selection:
     """Select a ball about (x, y, z)."""
     check_finite("sphere", x, y, z)
     check_positive("sphere", "radius", radius)
-    return _within(lambda points: inside_ball(points, (x, y, z), radius))
+    center = np.array((x, y, z), np.float32)
+    return _within(lambda points: squared_norm(points - center) <= np.square(np.float64(radius)))
 
 
 def cylinder(

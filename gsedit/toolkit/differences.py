@@ -150,7 +150,10 @@ def diff(
             for scene, own in zip((a, b), numerics)
         )
         errors.append(metrics.squared_error(after, before))
-        views.append(compare_pictures(viewpoint.name, before, after))
+        largest = float((after - before).abs().max())
+        psnr = min(metrics.psnr(after, before), metrics.NEAREST)
+        ssim = metrics.ssim(after, before)
+        views.append(ViewDifference(viewpoint.name, psnr, ssim, largest))
         if progress is not None:
             progress(done, len(viewpoints))
     rmse = metrics.pooled_rmse(errors)
@@ -169,18 +172,6 @@ def diff(
         sum(view.ssim for view in views) / len(views),
         frame_hints(a, b),
     )  # fmt: skip
-
-
-def compare_pictures(
-    name: str, before: Float[Tensor, "h w 3"], after: Float[Tensor, "h w 3"]
-) -> ViewDifference:
-    """Two pictures of a view, of 6 pixels or more a side, in numbers."""
-    return ViewDifference(
-        name,
-        min(metrics.psnr(after, before), metrics.NEAREST),
-        metrics.ssim(after, before),
-        float((after - before).abs().max()),
-    )
 
 
 def quantiles_of(values: Float[Tensor, " n"]) -> Quantiles:

@@ -266,7 +266,7 @@ def read_pixels(
     return Pixels(
         photo[..., :3].clamp(0, 1),
         None if source.mask is None else photo[..., -1] < LEAST_SHARE,
-        _alpha(photo) if channels == 4 else None,
+        photo[..., 3].clamp(0, 1) if channels == 4 else None,
     )
 
 
@@ -277,7 +277,3 @@ def _read_size(size: tuple[int, int], width: int, height: int) -> tuple[int, int
     if size[0] * size[1] <= LARGE_PIXELS or times < 2:
         return None
     return round(size[0] / times), round(size[1] / times)
-
-
-def _alpha(photo: Float[Tensor, "h w c"]) -> Float[Tensor, "h w"]:
-    return photo[..., 3].clamp(0, 1)
