@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -187,7 +187,7 @@ def resolve(preset: str, values: Values) -> tuple[EditSettings, Strategy]:
     chosen = {path[1:]: value for path, value in own.items() if path[1:]}
     for (field_name,) in chosen:
         classes = {each: find_strategy(each) for each in strategy_names()}
-        known = {each: {item.name for item in fields(kind)} for each, kind in classes.items()}
+        known = {each: {s.path[0] for s in settings_of(kind)} for each, kind in classes.items()}
         owners = [each for each, names in known.items() if field_name in names]
         if name not in owners:
             raise UsageError(
