@@ -67,14 +67,6 @@ VIEW_PIXELS = 256
 CELL_PIXELS, FRONT_PIXELS, PAIR_PIXELS = 200, 320, 512
 """Heights of pictures, pixels: in the sheet, the front picture, of before and after."""
 LABEL_PIXELS, GAP = 18, 2
-FILLED = 0.94
-"""Share of a picture's height that a scene with nothing around it fills, or of its width."""
-NARROWEST, WIDEST = 0.6, 1.4
-"""Proportions of a picture, width to height: those of what it shows, within these."""
-BACKGROUND = 0.16
-"""Display gray behind a scene with nothing around it: what is black is seen before it."""
-MOST_BYTES = 900_000
-BUILT_IN_GAUSSIANS = 20_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +98,8 @@ def show(name: str, scene: Gaussians, viewpoints: Sequence[Viewpoint]) -> Shown:
 
 
 def closer(camera: Camera, opaque: torch.Tensor) -> Camera:
-    """The camera with what is opaque in the middle of a picture of its proportions, filling it."""
+    """The camera with what is opaque in the middle of a picture of about its proportions, filling
+    94 % of it."""
     rows, columns = opaque.nonzero().unbind(-1)
     if not len(rows):
         return camera
@@ -114,8 +107,8 @@ def closer(camera: Camera, opaque: torch.Tensor) -> Camera:
     low_y, high_y = int(rows.min()), int(rows.max()) + 1
     wide, high = high_x - low_x, high_y - low_y
     height = camera.height
-    width = round(height * min(max(wide / high, NARROWEST), WIDEST))
-    zoom = FILLED * min(width / wide, height / high)
+    width = round(height * min(max(wide / high, 0.6), 1.4))
+    zoom = 0.94 * min(width / wide, height / high)
     return replace(
         camera,
         fx=camera.fx * zoom,
@@ -140,7 +133,7 @@ def built_in() -> Shown:
     """The built-in synthetic scene."""
     synthetic = demo_scene()
     random = torch.Generator().manual_seed(0)
-    scene = surface_gaussians(synthetic, BUILT_IN_GAUSSIANS, random)
+    scene = surface_gaussians(synthetic, 20_000, random)
     upright = ViewConstraints(up=synthetic.up)
     return show("built in", scene, find_viewpoints(scene, 24, VIEW_PIXELS, wish=upright))
 
@@ -169,7 +162,7 @@ def cell(scene: Gaussians | None, camera: Camera, pixels: int) -> Image.Image:
         return Image.new("RGB", size, "lightgray")
     with torch.no_grad():
         drawn = render(scene, camera.resized(*size))
-    behind = BACKGROUND * (1 - drawn.alpha)[..., None]
+    behind = 0.16 * (1 - drawn.alpha)[..., None]  # what is black is seen before gray
     return as_picture((drawn.color + behind).clamp(0, 1))
 
 
@@ -219,10 +212,10 @@ def save_pairs(shown: Shown, scenes: Sequence[Gaussians | None], folder: Path) -
 
 
 def save(sheet: Image.Image, path: Path) -> None:
-    """Write a JPEG of at most MOST_BYTES, of the best quality that allows."""
+    """Write a JPEG of at most 0.9 MB, of the best quality that allows."""
     for quality in range(90, 40, -5):
         sheet.save(path, quality=quality, optimize=True)
-        if path.stat().st_size <= MOST_BYTES:
+        if path.stat().st_size <= 900_000:
             break
     say(str(path))
 

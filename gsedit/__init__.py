@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from gsedit.capture.fitting.settings import FitSettings
     from gsedit.editing.edit import edit, edit_steps
     from gsedit.editing.folder import write_edit
-    from gsedit.editing.result import EditResult
+    from gsedit.editing.measure import EditResult
     from gsedit.errors import GseditError, InputError, UsageError
     from gsedit.formats.scenes import load, save
     from gsedit.paper.settings import EditSettings

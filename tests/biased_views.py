@@ -8,8 +8,7 @@ import torch
 from sampler_runs import generator, last
 
 from gsedit.paper.consistency.consensus import consensus
-from gsedit.paper.diffusion.guidance import Branches
-from gsedit.paper.diffusion.predictions import Prediction, noise_of
+from gsedit.paper.diffusion.guidance import Branches, Prediction, noise_of
 from gsedit.paper.diffusion.sampler import levels_of, sample
 from gsedit.paper.diffusion.schedules import NoiseLevel, Schedule
 from gsedit.paper.diffusion.settings import SamplerSettings

@@ -19,7 +19,7 @@ FIT = ("--steps", 40, "--max-gaussians", 300, "--checkpoint-every", 0)
 """Options of a fit of a second."""
 EDIT = (
     "as bronze", "--editor", "closed-form", "--size", 32, "--batches", 1, "--views", 2,
-    "--steps", 2, "--loss", "mse+gram", "--checkpoint-every", 0, "--set", "update_steps=4",
+    "--steps", 2, "--loss", "mse+gram", "--set", "checkpoint_seconds=0", "--set", "update_steps=4",
     "--set", "patch=16", "--set", "overlap=1", "--set", "coverage=1",
 )  # fmt: skip
 """Sentence and options of an edit of a second, whose update is in steps."""

@@ -270,12 +270,7 @@ INPUTS = (
         ("a.safetensors",),
         lambda folder: load_state(folder / "a.safetensors"),
     ),
-    Input(
-        "a.obj",
-        _mesh(".obj"),
-        ("a.obj", "material.mtl", "material_0.png"),
-        _reader("a.obj"),
-    ),
+    Input("a.obj", _mesh(".obj"), ("a.obj", "material.mtl", "material_0.png"), _reader("a.obj")),
     Input("mesh.glb", _mesh(".glb"), ("a.glb",), _reader("a.glb"), in_glb),
     *(
         Input(f"mesh{end}", _mesh(end), (f"a{end}",), _reader(f"a{end}"))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from research.sampler.mixtures import MixtureProblem, noised_draw
 
-from gsedit.paper.diffusion.predictions import Pair
+from gsedit.paper.diffusion.guidance import Pair
 from gsedit.paper.diffusion.sampler import levels_of, sample
 from gsedit.paper.diffusion.schedules import Schedule
 from gsedit.paper.diffusion.settings import SamplerSettings

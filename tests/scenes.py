@@ -112,15 +112,5 @@ def cloud() -> EdgeCase:
 
 EDGE_CASES: dict[str, Callable[[], EdgeCase]] = {
     scene.__name__: scene
-    for scene in (
-        one,
-        intersecting,
-        wall,
-        shell,
-        off_screen,
-        opaque_stack,
-        faint,
-        sub_pixel,
-        cloud,
-    )
+    for scene in (one, intersecting, wall, shell, off_screen, opaque_stack, faint, sub_pixel, cloud)
 }

@@ -88,14 +88,7 @@ def test_rasterizer_render_is_the_function_in_any_order_of_imports():
 
 
 @pytest.mark.parametrize(
-    "package",
-    [
-        "gsedit",
-        "gsedit.paper.editors",
-        "gsedit.toolkit",
-        "gsedit.select",
-        "rasterizer",
-    ],
+    "package", ["gsedit", "gsedit.paper.editors", "gsedit.toolkit", "gsedit.select", "rasterizer"]
 )
 def test_public_names_are_those_imported_for_type_checkers(package):
     module = import_module(package)

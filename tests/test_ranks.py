@@ -102,7 +102,7 @@ def test_a_rank_that_ends_ends_the_edit_with_its_name_and_the_checkpoint(tmp_pat
     torchrun = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node=2"]
     edit = f"-m gsedit_cli edit {tmp_path / 'scene.ply'} gold --region all --size 32 -o {out}"
     options = "--views 1 --batches 1 --loss mse+gram --set update_steps=3000 --steps 2"
-    options += " --checkpoint-every 0 --editor closed-form"
+    options += " --set checkpoint_seconds=0 --editor closed-form"
     ended = subprocess.run(
         [*torchrun, *edit.split(), *options.split()],
         env={**ENVIRONMENT, "PYTHONPATH": str(tmp_path)},

@@ -12,8 +12,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.paper.diffusion.guidance import Branches, Need
-from gsedit.paper.diffusion.predictions import Prediction
+from gsedit.paper.diffusion.guidance import Branches, Need, Prediction
 from gsedit.paper.diffusion.schedules import Schedule
 
 

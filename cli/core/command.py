@@ -42,10 +42,6 @@ from .current import with_saved_regions
 if TYPE_CHECKING:
     import torch
 
-MOST_THREADS = 1024
-"""Most threads that may be asked for: each takes memory, and no machine has more cores."""
-LARGEST_SEED = (1 << 32) - 1
-"""Largest --seed: torch and numpy take it."""
 Body = Callable[..., Any]
 Record = TypeVar("Record")
 FieldPath = tuple[str, ...]
@@ -60,8 +56,6 @@ SET = "--set."
 HELP_FLAGS = frozenset({"--set", "--help", "--help-all"})
 RARE = frozenset({"--debug", "--threads", "--drop-invalid", "--spz-frame", "--samples"})
 """Flags that the help of a verb leaves out unless the verb names its own list."""
-COLUMN_WIDTH = 24
-"""Widest column of flags in a help, characters."""
 METAVARS = {"bool": "", "int": " N", "float": " X", "str": " TEXT", "path": " PATH"}
 """Texts for values in a help, by the type that typer names."""
 VALUE_TYPE = re.compile(r" <(bool|int|float|str|path)( range)?>$")
@@ -90,7 +84,7 @@ class Common:
     """Print results and events as JSON lines on stdout."""
     debug: bool = option(False)
     """Show the traceback of an error."""
-    threads: int | None = option(None, min=1, max=MOST_THREADS)
+    threads: int | None = option(None, min=1, max=1024)  # each takes memory
     """CPU threads to use. None: torch's choice."""
 
     def apply(self) -> None:
@@ -109,7 +103,7 @@ class Common:
 class Seeded(Common):
     """Options of every verb that draws random numbers."""
 
-    seed: int = option(0, min=0, max=LARGEST_SEED)
+    seed: int = option(0, min=0, max=(1 << 32) - 1)  # torch and numpy take it
     """Seed of the random numbers. Equal seeds and threads give equal results."""
 
     def generator(self) -> torch.Generator:
@@ -153,7 +147,8 @@ class Setting:
         if self.negatable:
             first = f"{first}/--no-{first.removeprefix('--')}"
         shown = f"{self.meaning}  [default: {self.default}]" if self.default else self.meaning
-        more = {"metavar": choices_text(self.type), "show_default": False}
+        choices = "|".join(get_args(self.type)) if get_origin(self.type) is Literal else None
+        more = {"metavar": choices, "show_default": False}
         given = {name: value for name, value in self.more.items() if value is not None}
         found = typer.Option(first, *others, help=shown, **{**more, **given})
         if self.required:
@@ -209,11 +204,6 @@ def option_type(path: FieldPath, annotation: Any) -> Any:
     if len(alternatives) == 1 and type(None) in get_args(annotation):
         return option_type(path, alternatives[0])
     raise TypeError(f"setting {'.'.join(path)}: no option can hold a {annotation}")
-
-
-def choices_text(kind: Any) -> str | None:
-    """Return the choices of a Literal for the help; None for any other type, which typer names."""
-    return "|".join(get_args(kind)) if get_origin(kind) is Literal else None
 
 
 def meaning_and_default(doc: str, default: Any) -> tuple[str, str]:
@@ -382,7 +372,7 @@ class VerbCommand(TyperCommand):
         for title, records in sections.items():
             if records:
                 with formatter.section(title):
-                    formatter.write_dl(records, col_max=COLUMN_WIDTH)
+                    formatter.write_dl(records, col_max=24)
 
 
 def expand_set(params: Iterable[Any], args: Iterable[str]) -> Iterator[str]:
@@ -503,6 +493,5 @@ SetOption = Annotated[
     ),
 ]
 HelpAll = Annotated[
-    bool,
-    typer.Option("--help-all", is_eager=True, callback=show_all, help="List all options."),
+    bool, typer.Option("--help-all", is_eager=True, callback=show_all, help="List all options.")
 ]

@@ -36,10 +36,7 @@ class Output(Reads, Writes):
 
 
 def process(
-    path: Path,
-    steps: list[tuple[str, Operation]],
-    output: Output,
-    files: FileOptions,
+    path: Path, steps: list[tuple[str, Operation]], output: Output, files: FileOptions
 ) -> tuple[list[tuple[str, RowCounts]], Path | None]:
     """Read, change and write a scene in blocks; return the counts of each step, then the total."""
     from gsedit.formats.files import write_scene

@@ -22,8 +22,6 @@ Show = Callable[["Event"], None]
 
 NOTEBOOK = "JPY_PARENT_PID"
 """Variable of commands in a notebook: it shows a terminal's bars as a new line at every move."""
-LINE_INTERVAL = 10.0
-"""Seconds between plain lines of one stage: the log of an hour stays readable."""
 
 
 @contextmanager
@@ -88,7 +86,8 @@ def _plain_lines() -> Show:
         if begins:
             first[event.stage] = event
         ends = 0 < event.steps <= event.step
-        if begins or ends or event.seconds - last_printed >= LINE_INTERVAL:
+        # a line in ten seconds: the log of an hour stays readable
+        if begins or ends or event.seconds - last_printed >= 10.0:
             last_printed = event.seconds
             print_message(" ".join(plain_line(event, first[event.stage]).split()))
 

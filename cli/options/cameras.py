@@ -27,8 +27,6 @@ FOUND_VIEWS = 24
 """Views that are found for a scene without cameras, whose pixels --at names in every verb."""
 VIEW_PIXELS = 256
 """Longer side of views where --size is not given."""
-CHECKED_FOUND_VIEWS = 8
-"""Found views of which a small render tells whether they show anything."""
 
 
 @dataclass(frozen=True)
@@ -113,31 +111,17 @@ def say_if_smaller(photos: Dataset, size: int) -> None:
         )
 
 
-def recorded_viewpoints(path: Path | None, scene: Gaussians, size: int) -> tuple[Viewpoint, ...]:
+def recorded(path: Path | None, scene: Gaussians, size: int) -> tuple[Viewpoint, ...]:
     """Return all cameras recorded beside a scene file; none if none of them sees the scene."""
-    from gsedit.views.cameras_json import cameras_file, read_cameras
-    from gsedit.views.viewpoints import same_size, that_see, thinned, viewpoints_near
+    from gsedit.views.cameras_json import cameras_file, recorded_viewpoints
 
     file = None if path is None else cameras_file(path)
-    if file is None:
-        return ()
-    viewpoints = viewpoints_near(same_size(read_cameras(file), size), scene)
-    if not that_see(thinned(viewpoints, 16), scene):
+    found = recorded_viewpoints(scene, file, size)
+    if found:
+        print_message(f"views are taken from the {len(found)} cameras of {file}")
+    elif file is not None:
         print_message(f"{file}: none of these cameras sees the scene; they are ignored")
-        return ()
-    print_message(f"views are taken from the {len(viewpoints)} cameras of {file}")
-    return viewpoints
-
-
-def load_views(
-    path: Path | None, scene: Gaussians, options: ViewOptions, execution: Execution
-) -> Dataset:
-    """Return the views of an edit: photos of --data, or renders from recorded or found cameras.
-
-    The path is None for a scene that is no longer as its file has it.
-    """
-    resolved = resolve_cameras(path, scene, options, execution=execution)
-    return resolved.dataset(scene, execution)
+    return found
 
 
 def resolve_cameras(
@@ -156,7 +140,7 @@ def resolve_cameras(
         return known
     print_message("searching the scene for views; a cameras.json beside it saves this")
     found = find_viewpoints(scene, count, options.pixels, wish=options.wish(), execution=execution)
-    say_if_empty(thinned(found, CHECKED_FOUND_VIEWS), scene, execution)
+    say_if_empty(thinned(found, 8), scene, execution)
     return ResolvedCameras(found, found=True)
 
 
@@ -170,8 +154,8 @@ def known_cameras(
         photos = load_photos(options.data, options.pixels, path)
         say_if_smaller(photos, options.pixels)
         return ResolvedCameras(viewpoints_of(photos), photos)
-    recorded = () if options.placed else recorded_viewpoints(path, scene, options.pixels)
-    return ResolvedCameras(recorded) if recorded else None
+    found = () if options.placed else recorded(path, scene, options.pixels)
+    return ResolvedCameras(found) if found else None
 
 
 def say_if_empty(viewpoints: Sequence[Viewpoint], scene: Gaussians, execution: Execution) -> None:
@@ -210,16 +194,14 @@ class ResolvedCameras:
             cameras[name] = viewpoint.camera
         return cameras
 
-    def dataset(self, scene: Gaussians, execution: Execution) -> Dataset:
-        """The views with pictures: the photos, or renders; of many recorded cameras, of some."""
-        from gsedit.views.viewpoints import rendered, that_see, thinned
+    def some(self, scene: Gaussians, execution: Execution) -> Sequence[Viewpoint]:
+        """The found viewpoints; of many recorded ones some, without those that see nothing."""
+        from gsedit.views.viewpoints import that_see, thinned
 
-        if self.photos is not None:
-            return self.photos
         if self.found:
-            return rendered(scene, self.viewpoints, execution)
+            return self.viewpoints
         some = thinned(self.viewpoints)
         seeing = that_see(some, scene, execution)
         if len(seeing) < len(some):
             print_message(f"{len(some) - len(seeing)} cameras see nothing: they are skipped")
-        return rendered(scene, seeing, execution)
+        return seeing

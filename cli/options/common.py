@@ -105,7 +105,7 @@ def numerics_of(file: SceneFile | None, name: Path | None) -> Numerics:
     if file is None or not file.header.antialiased:
         return DEFAULT
     print_message(f"{name} is marked as antialiased: it is rendered with Mip-Splatting's 2D filter")
-    return Numerics(antialiased=True)
+    return file.numerics
 
 
 def load_scene(path: Path, *, drop_invalid: bool) -> Gaussians:

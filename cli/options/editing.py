@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -57,7 +57,7 @@ class EditorOptions:
     """painter: keep the colors of the scene, and paint its brightness alone."""
     model: str | None = option()
     """pix2pix, diffusers: a folder of weights, or a Hugging Face id."""
-    weights_dir: Path | None = option()
+    weights_dir: Path | None = option(flags=None)
     """pix2pix, diffusers: folder where downloaded weights are kept."""
     yes: bool = option(False)
     """pix2pix, diffusers: download what --model names without being asked."""
@@ -67,7 +67,7 @@ class EditorOptions:
     run: str | None = option(None, "COMMAND")
     """command: the program to run, as in "my_editor {input} {output} {prompt}". It must write to
     the folder {output} a PNG for each PNG in {input}. No shell is involved."""
-    timeout: float | None = option(None, "SECONDS")
+    timeout: float | None = option(flags=None)
     """command: seconds that the program may take for the views of a batch. None: no limit."""
 
     def settled(self) -> EditorOptions:
@@ -187,7 +187,8 @@ def resolve(preset: str, values: Values) -> tuple[EditSettings, Strategy]:
     chosen = {path[1:]: value for path, value in own.items() if path[1:]}
     for (field_name,) in chosen:
         classes = {each: find_strategy(each) for each in strategy_names()}
-        owners = [each for each, kind in classes.items() if field_name in field_names(kind)]
+        known = {each: {s.path[0] for s in settings_of(kind)} for each, kind in classes.items()}
+        owners = [each for each, names in known.items() if field_name in names]
         if name not in owners:
             raise UsageError(
                 f"{field_name} is a setting of the strategy {' and '.join(owners)}, not of {name}: "
@@ -195,10 +196,6 @@ def resolve(preset: str, values: Values) -> tuple[EditSettings, Strategy]:
             )
     strategy = with_values(named.applied_to(find_strategy(name)()), chosen)
     return with_values(named.settings, shared), strategy
-
-
-def field_names(record: type) -> set[str]:
-    return {item.name for item in fields(record)}
 
 
 def idle_settings(values: Values, settings: EditSettings) -> list[str]:
@@ -263,7 +260,7 @@ def views_of(
     Of many recorded cameras a 2D editor is shown views from some.
     """
     from gsedit.views.lazy_views import of_one_size
-    from gsedit.views.viewpoints import same_size, that_see, thinned
+    from gsedit.views.viewpoints import same_size
 
     resolved = resolve_cameras(path, scene, options, execution=execution)
     if drawn and resolved.photos is not None:
@@ -271,20 +268,14 @@ def views_of(
         if framed is not resolved.photos:
             print_message(framed.notes[-1])
         return framed
-    viewpoints = same_size(resolved.viewpoints, options.pixels)
-    if not drawn or resolved.found:
-        return viewpoints
-    some = thinned(viewpoints)
-    seeing = that_see(some, scene, execution)
-    if len(seeing) < len(some):
-        print_message(f"{len(some) - len(seeing)} cameras see nothing: they are skipped")
-    return seeing
+    sized = replace(resolved, viewpoints=same_size(resolved.viewpoints, options.pixels))
+    return sized.some(scene, execution) if drawn else sized.viewpoints
 
 
 @contextmanager
 def numbered(file: Path, scene: Gaussians, views: Views) -> Iterator[None]:
     """Draw the numbers of a scene's objects into a file where a sentence may mean several."""
-    from gsedit.editing.rivals import SeveralObjects
+    from gsedit.editing.parts import SeveralObjects
     from gsedit.formats.pictures import save_picture
     from gsedit.pictures.segment_sheet import segment_sheet
     from gsedit.select.phrase import names

@@ -17,9 +17,6 @@ from gsedit.errors import UsageError
 from ..core.command import argument, option, shows
 from ..core.console import print_message, print_result
 
-AFTER_FIRST_PICTURE = 2.0
-"""Seconds from the page's start to that of the process for its first command."""
-
 Opened = Annotated[
     Path | None,
     argument("PATH", "A scene, the folder of an edit or of a session, photos, or a video."),
@@ -101,7 +98,7 @@ def end() -> None:
 
 def start_later(work: Callable[[], None]) -> None:
     """Call a function once the first picture has had the processor to itself."""
-    timer = Timer(AFTER_FIRST_PICTURE, work)
+    timer = Timer(2.0, work)  # after the first picture
     timer.daemon = True
     timer.start()
 

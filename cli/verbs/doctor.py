@@ -17,9 +17,7 @@ Model = Annotated[
 ]
 
 
-def doctor(
-    model: Model = None,
-) -> None:
+def doctor(model: Model = None) -> None:
     """Check this machine, or the weights of a model.
 
     gsedit doctor models/instruct-pix2pix

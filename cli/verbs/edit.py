@@ -38,7 +38,7 @@ from ..options.editing import (
 from ..options.selection import AtOptions, MaskOptions
 
 if TYPE_CHECKING:
-    from gsedit.editing.result import EditResult
+    from gsedit.editing.measure import EditResult
     from gsedit.paper.settings import EditSettings
     from gsedit.run.events import Event
     from gsedit.views.viewpoints import Views

@@ -177,12 +177,10 @@ def list_styles(scene: Path | None, own: ListOptions) -> None:
     """
     if scene is not None:
         return show_styles(scene, own)
-    from gsedit.words.lexicon import STYLES, rows_of
+    from gsedit.words.lexicon import phrases_of_styles
 
-    for kind, value, phrases in rows_of(STYLES):
-        if kind == "style":
-            name = value.rpartition(" ")[0]
-            print_result({"name": name, "words": phrases}, f"{name}\n    {', '.join(phrases)}")
+    for name, phrases in phrases_of_styles().items():
+        print_result({"name": name, "words": phrases}, f"{name}\n    {', '.join(phrases)}")
     if not as_json.get():
         print_message("see them on a scene: gsedit list styles SCENE -o styles.png")
 

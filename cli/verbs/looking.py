@@ -40,8 +40,6 @@ if TYPE_CHECKING:
     from gsedit.views.viewpoints import Viewpoint
     from rasterizer.scene import Gaussians
 
-PICTURED_VIEWS = 4
-"""Most views in the picture of a difference: the worst one first."""
 COORDINATES = re.compile(r"\s*-?[\d.]+(e-?\d+)?\s*(,\s*-?[\d.]+(e-?\d+)?\s*){2}", re.IGNORECASE)
 
 Other = Annotated[
@@ -90,8 +88,7 @@ def info(scene: Scene, *, checks: InfoOptions, files: FileOptions) -> None:
 
 def show_summary(scene: Path, source: SceneSource) -> None:
     """Print the summary of a scene."""
-    from gsedit.pictures.scene_table import summary_table
-    from gsedit.toolkit.scene_summary import summarise
+    from gsedit.toolkit.scene_summary import summarise, summary_table
 
     (summary, _), size = summarise(source), bytes_of(source.path)
     record = {"file": scene, "bytes": size, **of_file(source), **asdict(summary)}
@@ -228,13 +225,13 @@ def views_of(
 
 def draw(result: SceneDifference, pair: Pair, out: Path, force: bool) -> None:
     """Write the picture: the worst view, and evenly spaced ones of the others."""
-    from gsedit.pictures.difference_sheet import difference_picture
+    from gsedit.pictures.contact_sheet import difference_picture
     from gsedit.scene.picture import render_picture
     from gsedit.views.dataset import View, evenly_spaced
 
     worst = result.views.index(result.worst)
     others = [index for index in range(len(result.views)) if index != worst]
-    chosen = [worst, *(others[i] for i in evenly_spaced(len(others), PICTURED_VIEWS - 1))]
+    chosen = [worst, *(others[i] for i in evenly_spaced(len(others), 3))]
     views = [pair.viewpoints[index] for index in chosen]
     before, after = (
         [
@@ -348,7 +345,8 @@ def region_volume(
 def tell(scene: Path, found: dict[str, Size], points: Sequence[SurfacePoint] = ()) -> None:
     """Print the sizes, and how the scale is set from a known one."""
     for number, each in enumerate(points, 1):
-        print_message(f"point {number}: {_listed(each)}, known to {each.sigma:.3g}")
+        place = ", ".join(f"{value:.5g}" for value in each.position)
+        print_message(f"point {number}: {place}, known to {each.sigma:.3g}")
     if len(points) == 2 and "distance" in found:
         ends = ",".join(f"{value:.6g}" for each in points for value in each.position)
         print_message(f"if you know it: gsedit align {scene} --length={ends}=LENGTH -o scaled.ply")
@@ -361,10 +359,6 @@ def tell(scene: Path, found: dict[str, Size], points: Sequence[SurfacePoint] = (
     ]
     text = "\n".join(f"{name}: {size}" for name, size in found.items())
     print_result(record, text)
-
-
-def _listed(point: SurfacePoint) -> str:
-    return ", ".join(f"{value:.5g}" for value in point.position)
 
 
 @dataclass(frozen=True)
@@ -380,12 +374,7 @@ class MeshOptions(Reads, Writes):
 
 
 @shows("--output", "--faces", "--watertight", "--where", "--region", "--data", "--force")
-def mesh(
-    scene: Scene,
-    *,
-    own: MeshOptions,
-    selection: SelectionOptions,
-) -> None:
+def mesh(scene: Scene, *, own: MeshOptions, selection: SelectionOptions) -> None:
     """Make a mesh of what the views of a scene show.
 
     gsedit mesh scene.ply -o scene.glb

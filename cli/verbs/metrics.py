@@ -16,7 +16,7 @@ from ..core.console import as_json, print_json, print_message, shown
 from ..core.kernel import say_kernel
 from ..core.outputs import check_file
 from ..core.progress import counting
-from ..options.cameras import ViewOptions, load_views
+from ..options.cameras import ViewOptions, resolve_cameras
 from ..options.common import Data, Reads, Writes, load_scene
 from .render import render_settings
 
@@ -31,9 +31,6 @@ if TYPE_CHECKING:
     from gsedit.select.region import Region
     from gsedit.views.view_list_files import ViewList
     from rasterizer.scene import Gaussians
-
-DEFAULT_SIZE = 256
-"""Longer side of views that are not listed, pixels, as of `gsedit edit`."""
 
 Scene = Annotated[
     Path,
@@ -132,9 +129,8 @@ def measure_and_show(
     subject: EvaluationInput, against: Reference, request: dict[str, Any], outputs: Outputs
 ) -> None:
     """Measure, write the files, and print the table or the record."""
-    from gsedit.measures.evaluation import evaluate
-    from gsedit.measures.evaluation_table import evaluation_record, evaluation_table
-    from gsedit.pictures.difference_sheet import difference_sheet
+    from gsedit.measures.evaluation import evaluate, evaluation_record, evaluation_table
+    from gsedit.pictures.contact_sheet import difference_sheet
     from gsedit.run.json_lines import write_record
 
     with counting("measure") as tell:
@@ -276,10 +272,10 @@ def place_views(
     from gsedit.measures.against import find_pictures, resized
     from gsedit.views.cameras_json import cameras_file
     from gsedit.views.view_list_files import by_capture, read_view_list, with_roles_of
-    from gsedit.views.viewpoints import viewpoints_of
+    from gsedit.views.viewpoints import rendered, viewpoints_of
 
     given = read_view_list(listed.views) if listed.views is not None else against.views
-    size = listed.size or DEFAULT_SIZE
+    size = listed.size or 256  # as of `gsedit edit`
     if given is not None and against.kind != "photos":
         views = resized(given, listed.size)
         return views, find_pictures(against, views), {}
@@ -287,7 +283,9 @@ def place_views(
     # cameras beside the unedited scene: those of edited ones may differ from edit to edit
     beside_own = against.kind != "scene" or (cameras_file(path) and not cameras_file(against.path))
     place, seen = (path, scene) if beside_own or unedited is None else (against.path, unedited)
-    dataset = load_views(place, seen, ViewOptions(of_photos, size=size), execution)
+    options = ViewOptions(of_photos, size=size)
+    found = resolve_cameras(place, seen, options, execution=execution)
+    dataset = found.photos or rendered(seen, found.some(seen, execution), execution)
     views = by_capture(viewpoints_of(dataset))
     if against.kind != "photos":
         return views, find_pictures(against, views), {}

@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from gsedit.errors import UsageError
+from gsedit.pictures import MAPS, Format, MapName
+from gsedit.views import PathKind
 from rasterizer.numerics import Execution, Numerics
 
 from ..core.command import Setting, Settings, Values, option, settings_of, shows, with_values
@@ -23,22 +25,14 @@ if TYPE_CHECKING:
     import torch
 
     from gsedit.pictures.frames import Animation
-    from gsedit.pictures.maps import MapName
     from rasterizer.camera import Camera
     from rasterizer.scene import Gaussians
 
 Kind = Literal["folder", "still", "animation"]
-PathKind = Literal["turntable", "orbit", "spline"]
-"""Kinds of camera paths, those of gsedit.views.paths, which imports torch."""
-FolderFormat = Literal["png", "exr", "npy"]
-"""Formats of pictures, those of gsedit.pictures.rendered_views."""
 STILLS, ANIMATIONS = (".png", ".exr", ".npy"), (".mp4", ".gif")
 PHOTOS = (".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp")
 OTHERS = (*PHOTOS, ".avi", ".mov", ".mkv", ".webm", ".m4v")
 """Suffixes that are no folder's name, and are not written."""
-NAMES = ("color", "depth", "normals", "alpha")
-"""Names of gsedit.pictures.maps.MAPS, which imports torch; a test compares them."""
-MOST_PIXELS = 1 << 26
 FRAMES, FPS, ARC, CRF, COUNT = 120, 30.0, 60.0, 18, 8
 """Defaults of the options of these names, which are None: one that is given where it would change
 nothing is refused."""
@@ -125,7 +119,7 @@ class PictureOptions:
     show: str = option("color", "MAPS")
     """Maps to show, separated by commas: color, depth (along the view, in scene units, where the
     transmittance falls to 0.5), normals (x right, y up, z towards the viewer), alpha."""
-    format: FolderFormat = option("png")
+    format: Format = option("png")
     """Format of the files in a folder. exr holds linear light, npy sRGB; both are float32."""
     resolution: str | None = option(None, "WxH")
     """Exact size of the pictures, instead of --size."""
@@ -143,8 +137,8 @@ class PictureOptions:
         """The names of the maps to show. Raises UsageError for another name."""
         names = self.show.split(",")
         for name in names:
-            if name not in NAMES:
-                raise UsageError(f"--show {self.show}: give any of {', '.join(NAMES)}")
+            if name not in MAPS:
+                raise UsageError(f"--show {self.show}: give any of {', '.join(MAPS)}")
         return tuple(dict.fromkeys(names))  # pyright: ignore[reportReturnType]
 
     @property
@@ -156,7 +150,7 @@ class PictureOptions:
             width, height = (int(part) for part in self.resolution.lower().split("x"))
         except ValueError:
             width = height = 0
-        if min(width, height) < 1 or width * height > MOST_PIXELS:
+        if min(width, height) < 1 or width * height > 1 << 26:
             raise UsageError(f"--resolution {self.resolution}: give two sizes, as in 1280x720")
         return width, height
 
@@ -407,7 +401,7 @@ def tint(
             "and writes region.npy; or name the part with --region"
         )
     print_message(f"region: {found}")
-    return tinted(scene, found)
+    return tinted(scene, found.inside)
 
 
 def write(

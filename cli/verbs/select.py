@@ -121,10 +121,7 @@ def select_thing(
 
 
 def check_thing(
-    scene: Path,
-    own: SelectOptions,
-    pointing: PointingOptions,
-    selection: SelectionOptions,
+    scene: Path, own: SelectOptions, pointing: PointingOptions, selection: SelectionOptions
 ) -> None:
     """Raise UsageError for options that do not go together, or a place that cannot be written."""
     from gsedit.select.saved import check_name, saved_file
@@ -143,11 +140,7 @@ def check_thing(
 
 
 def save_thing(
-    found: Region,
-    scene: Path,
-    gaussians: Gaussians,
-    views: Sequence[Viewpoint],
-    own: SelectOptions,
+    found: Region, scene: Path, gaussians: Gaussians, views: Sequence[Viewpoint], own: SelectOptions
 ) -> list[Path]:
     """Write a selection where it was asked for; return the files."""
     from gsedit.formats.pictures import save_picture

@@ -27,8 +27,6 @@ if TYPE_CHECKING:
 
 PAGE_SIZE = (960, 720)
 """(width, height) in pixels of the picture whose field of view the page begins with."""
-SMOOTH_GAUSSIANS = 2_000_000
-"""Gaussians that a browser on a laptop still turns smoothly; a guess of what users report."""
 
 After = Annotated[
     Path | None,
@@ -323,7 +321,7 @@ def say_what_differs(before: Gaussians, after: Gaussians | None) -> None:
     if before.degree:
         print_message("colors are those of SH degree 0: a browser page has no view dependence")
     count = len(before) + (0 if after is None else len(after))
-    if count > SMOOTH_GAUSSIANS:
+    if count > 2_000_000:  # what a browser on a laptop turns smoothly
         print_message(f"{count:,} Gaussians may be slow in a browser: gsedit decimate makes fewer")
 
 

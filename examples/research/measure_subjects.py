@@ -149,20 +149,8 @@ def main(data: Path, out: Path, scenes: Sequence[Path]) -> None:
     """Write the table. A scene's file is named after its capture, as bear-draft.ply."""
     with out.open("w", newline="") as file:
         table = csv.writer(file)
-        table.writerow(
-            (
-                "capture",
-                "fit",
-                "way",
-                "IoU",
-                "least IoU",
-                "bare",
-                "spilt",
-                "outside, dB",
-                "s",
-                "found",
-            )
-        )
+        numbers = ("IoU", "least IoU", "bare", "spilt", "outside, dB", "s")
+        table.writerow(("capture", "fit", "way", *numbers, "found"))
         for path in scenes:
             for row in rows_of(data / path.stem.split("-")[0], path):
                 table.writerow(row)

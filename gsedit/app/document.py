@@ -49,8 +49,6 @@ NAME = "session.json"
 STEPS = "steps"
 SUFFIX = ".session"
 """Suffix of a session's folder, which lies beside what was opened."""
-SHORT_NAME = 40
-"""Characters of a step's title in the name of its folder."""
 
 
 @dataclass(frozen=True)
@@ -141,7 +139,7 @@ def step_folder(folder: Path, title: str) -> Path:
     """A folder for the next step that no other step has; it is not made."""
     places = [each.name for each in (folder / STEPS).glob("*")]
     numbers = [int(name.split("-")[0]) for name in places if name.split("-")[0].isdecimal()]
-    words = re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")[:SHORT_NAME].strip("-")
+    words = re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")[:40].strip("-")
     return folder / STEPS / f"{max(numbers, default=0) + 1:03d}-{words or 'step'}"
 
 

@@ -14,13 +14,13 @@ from typing import Any, Literal
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, UInt8
+from jaxtyping import Float, UInt8
 from torch import Tensor
 
 from gsedit.formats.pictures import eight_bits
 from gsedit.pictures.maps import wipe
 from rasterizer.camera import Camera
-from rasterizer.numerics import DEFAULT, Numerics, color_to_sh
+from rasterizer.numerics import DEFAULT, Numerics
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
 
@@ -28,9 +28,6 @@ BACKGROUND = (0.11, 0.12, 0.14)
 """Behind the scene: dark, and not the black of a hole."""
 LINE_PIXELS = 2
 """Width of the line between two scenes."""
-STRENGTH = 0.5
-"""Share of the tint in the color of what is selected."""
-
 BESIDE_SCALE = 0.55
 """Size of things where two scenes share the width: between all of them, and as large as before."""
 
@@ -84,16 +81,6 @@ def picture(shown: DisplayState, camera: Camera) -> UInt8[np.ndarray, "h w 3"]:
     joined = torch.cat((left, right, torch.ones(height, width - 2 * half.width, 3)), 1)
     joined[:, max(half.width - LINE_PIXELS // 2, 0) : half.width + LINE_PIXELS // 2] = 1
     return eight_bits(joined)
-
-
-def tinted(
-    scene: Gaussians, flags: Bool[Tensor, " n"], color: tuple[float, float, float]
-) -> Gaussians:
-    """The scene with the flagged Gaussians mixed with a color, in [0, 1]."""
-    sh = scene.sh.clone()
-    sh[flags] *= 1 - STRENGTH
-    sh[flags, 0] += STRENGTH * color_to_sh(torch.tensor(color)).to(sh)
-    return replace(scene, sh=sh)
 
 
 def _drawn(shown: DisplayState, scene: Gaussians, camera: Camera) -> Float[Tensor, "h w 3"]:

@@ -17,9 +17,9 @@ from gsedit.formats.scenes import read_scene
 from gsedit.scene.cache import SceneCache
 from gsedit.scene.framing import Bounds, bounds, framing_camera, guess_up
 from gsedit.views.around import FOUND_VIEWS, find_viewpoints
-from gsedit.views.cameras_json import cameras_file, read_cameras
+from gsedit.views.cameras_json import cameras_file, recorded_viewpoints
 from gsedit.views.paths import up_of
-from gsedit.views.viewpoints import Viewpoint, same_size, that_see, thinned, viewpoints_near
+from gsedit.views.viewpoints import Viewpoint
 from rasterizer.camera import Camera
 from rasterizer.numerics import DEFAULT, Numerics
 from rasterizer.scene import Gaussians
@@ -108,11 +108,7 @@ class Loaded:
     @cached_property
     def recorded(self) -> tuple[Viewpoint, ...]:
         """The views recorded beside the file; none where none of them sees the scene."""
-        file = cameras_file(self.file)
-        if file is None:
-            return ()
-        views = viewpoints_near(same_size(read_cameras(file), VIEW_PIXELS), self.scene)
-        return views if any(that_see((each,), self.scene) for each in thinned(views, 16)) else ()
+        return recorded_viewpoints(self.scene, cameras_file(self.file), VIEW_PIXELS)
 
     @cached_property
     def finder(self) -> Finder:
@@ -159,6 +155,4 @@ def read_checkpoint(file: Path, unedited: Gaussians | None) -> Loaded:
 def read(file: Path) -> Loaded:
     """Read a scene file. Raises InputError and UsageError as `read_scene` does."""
     found = read_scene(file)
-    antialiased = found.header.antialiased
-    numerics = Numerics(antialiased=True) if antialiased else DEFAULT
-    return Loaded(file, found.scene.detach(), numerics, tuple(found.notes))
+    return Loaded(file, found.scene.detach(), found.numerics, tuple(found.notes))

@@ -13,7 +13,7 @@ from gsedit.capture.frames import SUFFIXES, is_video
 from gsedit.errors import GseditError, UsageError
 from gsedit.formats.edit_records import read_edit_record
 from gsedit.formats.registry import READABLE
-from gsedit.run.safe_names import safe_name
+from gsedit.run.inputs import safe_name
 
 if TYPE_CHECKING:
     from gsedit.app.page import Page

@@ -17,14 +17,7 @@ from gsedit.app import document as documents
 from gsedit.app.document import Document, Eye, Pending, Step, Undone
 from gsedit.app.loaded import Loaded, Scenes, read_checkpoint
 from gsedit.app.places import Places, free
-from gsedit.app.steps import (
-    CHECKPOINT,
-    bring_along,
-    folder_of_step,
-    region_file,
-    resumed,
-    step_of,
-)
+from gsedit.app.steps import CHECKPOINT, bring_along, folder_of_step, region_file, resumed, step_of
 from gsedit.app.worker import Cancelled, Done, Work, Worker
 from gsedit.errors import GseditError, UsageError
 from rasterizer.scene import Gaussians

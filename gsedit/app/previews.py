@@ -29,15 +29,11 @@ from gsedit.select.finder import Finder, Names
 from gsedit.select.saved import saved_files
 from rasterizer.camera import Camera
 
-EDITED_PIXELS = 256
-"""Longer side of the view that a 2D editor is given for a preview, as `gsedit edit` gives it."""
 SLOW_ROUTES = ("paint", "material")
 """Routes that are quicker where only the Gaussians of one view get their reflections."""
 PREPARED = ("make it night", "make it half the size", "paint it glossy red",
             "a thick layer of snow on it")  # fmt: skip
 """Sentences whose previews are made before anyone asks: they need all that is kept of a scene."""
-BEHIND = 10
-"""Niceness of the thread that prepares, where threads have one: moving pictures come first."""
 
 
 class Previewer:
@@ -74,7 +70,8 @@ class Previewer:
         region = drawn_region(self.finder, reading.first, editor_2d())
         found = preview_edited(
             self.loaded.scene, reading.first.text, camera, editor_2d(),
-            execution=self.settings.execution, size=EDITED_PIXELS, region=region,
+            # as `gsedit edit` gives a 2D editor
+            execution=self.settings.execution, size=256, region=region,
         )  # fmt: skip
         return eight_bits(found.after.image)
 
@@ -98,7 +95,8 @@ class Previewer:
         def work() -> None:
             if hasattr(os, "setpriority"):
                 with suppress(OSError):
-                    os.setpriority(os.PRIO_PROCESS, get_native_id(), BEHIND)
+                    # niceness, where threads have one: moving pictures come first
+                    os.setpriority(os.PRIO_PROCESS, get_native_id(), 10)
             self.prepare(wanted)
 
         Thread(target=work, daemon=True, name="prepare").start()

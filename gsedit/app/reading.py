@@ -93,8 +93,6 @@ USUAL_COUNT = 148_625
 """Gaussians of the scene whose seconds are below."""
 SECONDS = {"tone": 1.0, "paint": 3.5, "material": 4.5, "light": 3.5, "scenery": 3.5, "object": 7.0}
 """Seconds of work by route for a scene of USUAL_COUNT Gaussians on two cores, nothing beside it."""
-EDITOR_SECONDS = 16.0
-"""Seconds of work of a 2D editor, whatever the size of the scene."""
 DONE_BY = {"tone": "colors", "paint": "colors", "material": "colors and light", "light": "light",
            "scenery": "weather", "object": "objects", "style": "painter"}  # fmt: skip
 """Words for the routes of changes."""
@@ -173,7 +171,7 @@ def _swatch(color: str | None) -> str:
 
 def _seconds(change: Change, count: int) -> float:
     if change.route not in SECONDS:
-        return EDITOR_SECONDS
+        return 16.0  # of work of a 2D editor, whatever the size of the scene
     return SECONDS[change.route] * max(count, USUAL_COUNT / 10) / USUAL_COUNT
 
 

@@ -72,7 +72,8 @@ class Guard:
             return reason
         given = parse_qs(urlsplit(path).query).get("token", [])
         allowed = [*given, *values_of(self.cookie, headers.get_all("Cookie"))]
-        if any(_same(each, self.token) for each in allowed):
+        token = self.token.encode()  # compared in a time that does not tell where texts differ
+        if any(hmac.compare_digest(each.encode(errors="replace"), token) for each in allowed):
             return ""
         return NO_ADDRESS
 
@@ -110,12 +111,6 @@ def values_of(name: str, lines: Sequence[str]) -> list[str]:
     return found
 
 
-def _same(given: str, token: str) -> bool:
-    """Whether two texts are equal, in a time that does not tell where they differ."""
-    return hmac.compare_digest(given.encode(errors="replace"), token.encode())
-
-
-TOKEN_BYTES = 24
 BRAND = (40, 110, 200)
 TITLE = "gsedit"
 _SCRIPT, _STYLE = (Path(__file__).with_name(f"page.{kind}") for kind in ("js", "css"))
@@ -138,7 +133,7 @@ def serve(page: Page, host: str = "127.0.0.1", port: int = 8080) -> Iterator[Ser
     Raises GseditError where viser is missing.
     """
     viser = import_viser()
-    token = secrets.token_urlsafe(TOKEN_BYTES)
+    token = secrets.token_urlsafe(24)
     hosts = LOOPBACK if host in LOOPBACK else LOOPBACK | {host, *_names(host)}
     guard = Guard(token, html(viser), frozenset(hosts))
     # connections that a browser opens and does not use are told with a traceback each

@@ -28,8 +28,6 @@ RISKY = ("--set", "--save", "--editor", "--masks")
 """Beginnings of options that run programs, write files, or stand for such options."""
 REGIONS = "regions"
 """Folder of a session for the selections that commands were given, each named by its flags."""
-NAME_DIGITS = 16
-"""Hexadecimal digits of such a name."""
 CHECKPOINT = "checkpoint.safetensors"
 """Name of an edit's checkpoint in its folder."""
 
@@ -63,7 +61,7 @@ def resumed(pending: Pending, session: Path) -> Pending:
 def region_file(flags: Tensor, session: Path) -> Path:
     """Flags of Gaussians as a .npy file of a session, for --region. A file is never written anew: a
     command that waits, or goes on after a restart, reads what it was given."""
-    name = hashlib.sha256(np.packbits(flags.numpy()).tobytes()).hexdigest()[:NAME_DIGITS]
+    name = hashlib.sha256(np.packbits(flags.numpy()).tobytes()).hexdigest()[:16]
     path = session / REGIONS / f"{len(flags)}-{name}.npy"
     if not path.is_file():
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -14,18 +14,10 @@ import torch
 from torch import Tensor
 
 from gsedit.app.document import Eye
-from gsedit.app.frames import (
-    RESTING_QUALITY,
-    DisplayState,
-    LatestOnlyWorker,
-    Painter,
-    Way,
-    picture,
-    tinted,
-)
+from gsedit.app.frames import RESTING_QUALITY, DisplayState, LatestOnlyWorker, Painter, Way, picture
 from gsedit.app.moves import on_page
 from gsedit.errors import GseditError
-from gsedit.select.region import TINT
+from gsedit.select.region import tinted
 from rasterizer.camera import Camera
 from rasterizer.numerics import DEFAULT
 from rasterizer.project import rotation_matrices
@@ -35,16 +27,13 @@ if TYPE_CHECKING:
     from gsedit.app.loaded import Loaded
     from gsedit.app.page import Page
 
-LEAST_PIXELS = 16
-"""Smaller canvases, as of a tab that is being opened, count as this."""
-
 
 def camera_of(
     wxyz: np.ndarray, position: np.ndarray, fov: float, size: tuple[int, int], near: float | None
 ) -> Camera:
     """The camera of a pose (camera to world, OpenCV axes), with a vertical field of view, radians,
     and a picture of `size` (width, height)."""
-    width, height = (max(each, LEAST_PIXELS) for each in size)
+    width, height = (max(each, 16) for each in size)  # a tab that is being opened has less
     pose = torch.eye(4, dtype=torch.float64)
     pose[:3, :3] = rotation_matrices(torch.tensor([[float(each) for each in wxyz]]).double())[0].T
     pose[:3, 3] = -pose[:3, :3] @ torch.tensor([float(each) for each in position]).double()
@@ -83,10 +72,6 @@ def point_of(values: Any) -> tuple[float, float, float]:
     return x, y, z
 
 
-NOTICE_SECONDS = 6.0
-"""A notice goes away by itself after it; errors stay until they are closed."""
-FAR = 100.0
-"""Radii of the scene's bulk that handles are drawn within."""
 GO = (1.0, 0.25, 0.1)
 """Color of what would go."""
 
@@ -166,7 +151,7 @@ class Tab:
             fov = widened(eye.fov, height_of(handle))
         with self.client.atomic():
             handle.up_direction, handle.fov = eye.up, fov
-            handle.near, handle.far = loaded.bulk.near, FAR * loaded.bulk.radius
+            handle.near, handle.far = loaded.bulk.near, 100.0 * loaded.bulk.radius
             handle.position, handle.look_at = eye.position, eye.target
 
     # -- what is shown
@@ -182,7 +167,7 @@ class Tab:
         if shown is not None:
             flags = self._marked()
             if flags is not None and len(flags) == len(shown):
-                shown = tinted(shown, flags, TINT)
+                shown = tinted(shown, flags)
             if self._tint is not None and len(self._tint[0]) == len(shown):
                 shown = tinted(shown, *self._tint)
         numerics = DEFAULT if seen is None else seen.numerics
@@ -309,7 +294,7 @@ class Tab:
 
     def tell(self, text: str) -> None:
         """Say something that goes away by itself."""
-        self._say("gsedit", text, "blue", NOTICE_SECONDS)
+        self._say("gsedit", text, "blue", 6.0)  # errors stay until they are closed
 
     def fail(self, error: Exception | str) -> None:
         """Say what went wrong, in the error's own sentence."""
@@ -329,11 +314,7 @@ class Tab:
         self.client.send_file_download(path.name, path.read_bytes(), save_immediately=True)
 
     def key(
-        self,
-        label: str,
-        hotkey: Any,
-        function: Callable[[], None],
-        modifier: Any = None,
+        self, label: str, hotkey: Any, function: Callable[[], None], modifier: Any = None
     ) -> None:
         """Let a key call a function; the command palette (Ctrl-K) lists it under its label."""
         command = self.gui.add_command(label, hotkey=hotkey, modifier=modifier)

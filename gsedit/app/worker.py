@@ -16,8 +16,6 @@ from gsedit.errors import MOVES, GseditError, Said, UsageError
 from gsedit.run.events import Event
 from gsedit.run.stopwatch import Stopwatch
 
-BETWEEN_NOTICES = 0.2
-"""Seconds between two notices of progress."""
 Done = Callable[[dict[str, Any]], None]
 Failed = Callable[[Exception], None]
 
@@ -46,8 +44,6 @@ class Work:
         return f"{self.title}: {stage}{count}, {self.watch.seconds:.0f} s".replace(": ,", ",")
 
 
-PATIENCE = 5.0
-"""Seconds that a cancelled command has for its checkpoint before it is killed."""
 _EVENT_FIELDS = frozenset(each.name for each in fields(Event))
 
 
@@ -159,16 +155,14 @@ class Worker:
             if self.busy is None:
                 return
             self.busy = replace(self.busy, **change)
-            if self._told.seconds < BETWEEN_NOTICES:
+            if self._told.seconds < 0.2:  # seconds between two notices
                 return
             self._told = Stopwatch()
         self.tell()
 
 
 def _conversation(
-    process: subprocess.Popen[str],
-    arguments: Sequence[str],
-    hear: Callable[..., None],
+    process: subprocess.Popen[str], arguments: Sequence[str], hear: Callable[..., None]
 ) -> tuple[dict[str, Any], list[str]]:
     """Tell a process its arguments and `hear` each event and line of it, to its end; its records by
     their type, and its messages."""
@@ -222,7 +216,7 @@ def _end(process: subprocess.Popen[str]) -> None:
     """Ask a process to end, and kill it with its children where it does not."""
     process.terminate()
     try:
-        process.wait(PATIENCE)
+        process.wait(5.0)  # for its checkpoint, before it is killed
     except subprocess.TimeoutExpired:
         with suppress(ProcessLookupError, PermissionError):
             if os.name == "nt":

@@ -11,11 +11,10 @@ import torch
 from jaxtyping import Bool
 from torch import Tensor
 
-from gsedit.editing.measure import Changed, changed_by, measured
+from gsedit.editing.measure import Changed, EditResult, changed_by, measured
 from gsedit.editing.painters import PAINTERS, Looking
 from gsedit.editing.parts import aimed_at, assumed, find_parts
 from gsedit.editing.plan import asks_editor_2d, is_exact, key_of, read_steps, runs_of
-from gsedit.editing.result import EditResult
 from gsedit.errors import Said, UsageError
 from gsedit.measures.features import FeatureExtractor
 from gsedit.paper.actions import Strategy
@@ -46,10 +45,7 @@ def edit(scene: Gaussians, sentence: str, views: Views | None = None, **how: Any
 
 
 def edit_steps(
-    scene: Gaussians,
-    sentence: str,
-    views: Views | None = None,
-    **how: Any,
+    scene: Gaussians, sentence: str, views: Views | None = None, **how: Any
 ) -> Iterator[Event | Checkpoint | EditResult]:
     """Edit a scene; yields events and checkpoints while a 2D editor draws, and last the result.
 
@@ -96,12 +92,7 @@ def change_steps(
     return changed_by(scene, steps, parts, total, drawing, assumed(steps, finder.names))
 
 
-def plan_edit(
-    scene: Gaussians,
-    sentence: str,
-    views: Views | None = None,
-    **how: Any,
-) -> EditPlan:
+def plan_edit(scene: Gaussians, sentence: str, views: Views | None = None, **how: Any) -> EditPlan:
     """Plan what a 2D editor draws first: nothing is edited, one evaluation is measured.
 
     Raises UsageError as `edit_steps` does.

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from gsedit.editing.result import EditResult
+from gsedit.editing.measure import EditResult
 from gsedit.errors import InputError
 from gsedit.formats.edit_records import read_edit_record
 from gsedit.formats.scenes import save
@@ -17,9 +17,8 @@ from gsedit.paper.evidence import SHEET_HELD_OUT_VIEWS
 from gsedit.run.atomic import atomic_path, check_writable
 from gsedit.run.environment import environment
 from gsedit.run.events import as_record
-from gsedit.run.inputs import file_inside
+from gsedit.run.inputs import file_inside, safe_name
 from gsedit.run.json_lines import write_line, write_record
-from gsedit.run.safe_names import safe_name
 from gsedit.select.region import save_region
 from gsedit.views.view_pictures import write_view_pictures
 
@@ -110,10 +109,7 @@ def edit_record(result: EditResult) -> dict[str, Any]:
             "editor_calls": result.work.calls,
             "network_evaluations": result.work.evaluations,
         },
-        "followed": {
-            "gaussians": result.work.followed,
-            "map_rmse": result.work.map_error,
-        },
+        "followed": {"gaussians": result.work.followed, "map_rmse": result.work.map_error},
         "view_plan": result.view_plan,
         "decisions": result.decisions,
         "timings": result.timings,
@@ -151,11 +147,7 @@ def _routes(result: EditResult) -> dict[str, Any]:
     if result.understood is None:
         return {}
     routes = dict.fromkeys(change.route for change in result.understood.changes)
-    return {
-        "route": "+".join(routes),
-        "understood": result.understood,
-        "notes": result.notes,
-    }
+    return {"route": "+".join(routes), "understood": result.understood, "notes": result.notes}
 
 
 def _write_pictures(folder: Path, result: EditResult, *, overwrite: bool) -> None:

@@ -1,4 +1,5 @@
-"""The result of an edit, measured at some of the views that an edit holds out."""
+"""The result of an edit: the scene, where its Gaussians come from, and its evidence, measured at
+some of the views that an edit holds out."""
 
 from __future__ import annotations
 
@@ -12,12 +13,13 @@ from torch import Tensor
 
 from gsedit.editing.parts import Parts
 from gsedit.editing.plan import PICTURE, key_of
-from gsedit.editing.result import EditResult
 from gsedit.measures.evaluation import evaluate
 from gsedit.measures.evaluation_input import Evaluation, EvaluationInput, Means
 from gsedit.paper.evaluate import Drawing
 from gsedit.paper.evidence import EditMetrics, Evidence, HeldOutViews
 from gsedit.paper.settings import EditSettings
+from gsedit.pictures.contact_sheet import contact_sheet
+from gsedit.pictures.notebook import as_html, attempt, decibels, png_bytes
 from gsedit.run.stopwatch import Stopwatch
 from gsedit.scene.outcome import NEW, Outcome
 from gsedit.select.finder import Finder
@@ -29,8 +31,58 @@ from gsedit.words.instruction import Instruction
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
 
-SHOWN_VIEWS = 4
-"""Held-out views at which an edit on the Gaussians is measured and shown."""
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class EditResult(Evidence):
+    """An edited scene and its evidence: the same cameras three times."""
+
+    prompt: str
+    scene: Gaussians
+    region: Region
+    """The Gaussians that could change, of `scene`."""
+    region_before: Region | None = None
+    """The Gaussians of the unedited scene that changed or are gone; None where its rows stay."""
+    origin: Int[Tensor, " m"] | None = None
+    """The row in the unedited scene of each Gaussian, NEW (gsedit.scene.outcome) for a new one;
+    None where its rows stay."""
+    understood: Instruction | None = None
+    """The changes that were read in the sentence; None where a 2D editor got it as it is."""
+    notes: tuple[str, ...] = ()
+    """Remarks for a person on how changes were done on the Gaussians."""
+
+    def __repr__(self) -> str:
+        return f"EditResult({self.prompt!r}, {self.scene!r})"
+
+    def _repr_png_(self) -> bytes | None:
+        """A picture for notebooks: some views before the edit, as edited in 2D, and after it."""
+        return attempt(self._picture)
+
+    def _repr_html_(self) -> str | None:
+        """A page for notebooks: the pictures and the measurements."""
+        return attempt(lambda: as_html(self.prompt, self._rows(), self._picture()))
+
+    def _picture(self) -> bytes:
+        originals, finals = self.originals, self.finals
+        if not originals:
+            originals, finals = self.held_out.originals, self.held_out.finals
+        rows = {"original": originals, "2D targets": self.targets, "edited": finals}
+        shown = [(label, views) for label, views in rows.items() if views]
+        return png_bytes(contact_sheet(shown, columns=4))
+
+    def _rows(self) -> dict[str, str]:
+        metrics = self.metrics
+        return {
+            "Gaussians": f"{len(self.scene):,}",
+            "region": str(self.region),
+            "strategy": self.strategy_name,
+            "seconds": f"{self.timings['total']:.0f}" if "total" in self.timings else "",
+            "PSNR to the 2D targets": decibels(metrics.psnr_to_targets),
+            "PSNR to edits of held-out views": decibels(metrics.psnr_to_held_out_edits),
+            "PSNR to held-out edits made alone": decibels(metrics.psnr_to_edits_alone),
+            "PSNR outside the region": decibels(metrics.psnr_outside_region),
+        }
+
+
 LEAST_RMSE = 0.005
 """RMSE to the unedited views below which the user is told that hardly anything changed: painting a
 subject of one pixel in a hundred makes six times as much."""
@@ -169,7 +221,7 @@ def _evidence(settings: EditSettings) -> Evidence:
 def held_out(viewpoints: Sequence[Viewpoint]) -> tuple[Viewpoint, ...]:
     """Some of the views that an edit holds out."""
     every = viewpoints[::HELD_OUT_EVERY]
-    return tuple(every[i] for i in evenly_spaced(len(every), SHOWN_VIEWS))
+    return tuple(every[i] for i in evenly_spaced(len(every), 4))
 
 
 def pictures_at(

@@ -3,13 +3,19 @@
 A painter has the scene as it is now, a run of changes that are done at once, the flags of the parts
 that changes name, and how the scene is looked at; it gives an `Outcome`. What a 2D editor draws
 is drawn by `gsedit.paper.draw`, which `gsedit.editing.edit` calls. `n` Gaussians.
+
+Tones (brightness, contrast, saturation and their like) are affine in display colors and so exact
+from every direction: matrices of gsedit.toolkit.grade and of the W3C's filter effects
+(https://www.w3.org/TR/filter-effects-1).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import isfinite, log2
 
+import numpy as np
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
@@ -21,16 +27,18 @@ from gsedit.change.materials.table import material_of, paint_of
 from gsedit.change.scenery.table import SCENERIES, in_scenery
 from gsedit.editing.placements import Flags, paint_objects
 from gsedit.editing.plan import key_of
-from gsedit.editing.tone import toned
 from gsedit.errors import Said, UsageError
 from gsedit.scene.cache import cached_per_scene
+from gsedit.scene.color_space import LUMINANCE
 from gsedit.scene.outcome import Outcome
-from gsedit.scene.table import table_of
+from gsedit.scene.table import SplatTable, table_of
 from gsedit.select.region import lift
+from gsedit.toolkit.grade import COLDEST, GAMMA, HOTTEST, NEUTRAL, Affine, Grade
+from gsedit.toolkit.recolor import recolored
 from gsedit.views.dataset import evenly_spaced
 from gsedit.views.place import light_note, place_of
 from gsedit.words.colors import parse_hex
-from gsedit.words.instruction import Change
+from gsedit.words.instruction import MOST, Change
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
@@ -69,7 +77,7 @@ def seen_weights(
 
 
 def paint_tone(scene: Gaussians, run: Sequence[Change], flags: Flags, looking: Looking) -> Outcome:
-    """Change brightness, contrast, saturation and their like: see `gsedit.editing.tone`."""
+    """Change brightness, contrast, saturation and their like: see `gsedit.editing.painters`."""
     (change,), inside = run, _inside(run[0], flags)
     table = table_of(scene)
     after = toned(table, inside.cpu().numpy(), change.name, change.amount, change.color)
@@ -150,3 +158,80 @@ def _light_notes(scene: Gaussians, looking: Looking) -> tuple[str, ...]:
     seen = looking.seen(scene)
     note = light_note(scene, place_of(scene, looking.cameras, seen), seen)
     return () if note is None else (note,)
+
+
+DEFAULT_SHARE = 0.3
+"""Share of a change without a number: plainly seen, and far from the ends."""
+WHOLE = 1.0
+"""Share of a change that is all or nothing: grayscale, sepia, negative."""
+DARKEST_STOPS = -20.0
+"""Stops that stand for no light: a display color of 1 becomes half of an 8-bit step."""
+WARMEST = 4.0
+"""Factor of kelvin at a share of 1, its inverse at -1: the range of `Grade.temperature`."""
+SEPIA = ((0.393, 0.769, 0.189), (0.349, 0.686, 0.168), (0.272, 0.534, 0.131))
+
+
+def toned(
+    table: SplatTable,
+    inside: Bool[np.ndarray, " n"],
+    name: str,
+    amount: float | None,
+    color: str | None = None,
+) -> SplatTable:
+    """Change the tone of the Gaussians inside; the others' coefficients are the same bits.
+
+    Raises UsageError for an unknown name, an amount out of range, or a color that is none.
+    """
+    return recolored(table, inside, tone_map(name, amount, color))
+
+
+def tone_map(name: str, amount: float | None, color: str | None = None) -> Affine:
+    """The map of display colors of a tone and its signed share. Raises as `toned`."""
+    if name not in TONES:
+        raise UsageError(f"there is no tone {name!r}: choose one of {', '.join(TONES)}")
+    make, default, least = TONES[name]
+    share = default if amount is None else amount
+    most = MOST["tone"]
+    if not (isfinite(share) and least <= share <= most):
+        raise UsageError(
+            f"{name} by {share:+.0%} is out of range: say a share from {least:+.0%} to {most:+.0%}"
+        )
+    if name == "hue" and color is not None:
+        return _tint(share, color)
+    return make(share)
+
+
+def _brightness(share: float) -> Affine:
+    """Display colors times 1 + share."""
+    return Grade(exposure=max(GAMMA * log2(max(1 + share, 1e-9)), DARKEST_STOPS)).affine
+
+
+def _warmth(share: float) -> Affine:
+    kelvin = NEUTRAL * WARMEST**share
+    return Grade(temperature=min(max(kelvin, COLDEST), HOTTEST)).affine
+
+
+def _mixed(matrix: np.ndarray, offset: np.ndarray, share: float) -> Affine:
+    """The share of the way from no change to an affine map."""
+    share = min(share, 1.0)
+    return Affine((1 - share) * np.eye(3) + share * matrix, share * offset)
+
+
+def _tint(share: float, color: str) -> Affine:
+    """Mix colors with their luma in the color, which keeps the luma of gray."""
+    weights = LUMINANCE / LUMINANCE.sum()
+    target = np.maximum(parse_hex(color), 1 / 255)
+    return _mixed(np.outer(target / (weights @ target), weights), np.zeros(3), share)
+
+
+TONES: dict[str, tuple[Callable[[float], Affine], float, float]] = {
+    "brightness": (_brightness, DEFAULT_SHARE, -1.0),
+    "contrast": (lambda share: Grade(contrast=1 + share).affine, DEFAULT_SHARE, -1.0),
+    "saturation": (lambda share: Grade(saturation=1 + share).affine, DEFAULT_SHARE, -1.0),
+    "warmth": (_warmth, DEFAULT_SHARE, -1.0),
+    "hue": (lambda share: Grade(hue=360 * share).affine, DEFAULT_SHARE, -1.0),
+    "grayscale": (lambda share: Grade(saturation=1 - min(share, 1)).affine, WHOLE, 0.0),
+    "sepia": (lambda share: _mixed(np.array(SEPIA), np.zeros(3), share), WHOLE, 0.0),
+    "negative": (lambda share: _mixed(-np.eye(3), np.ones(3), share), WHOLE, 0.0),
+}
+"""Tones by name: (map of a share, share without a number, least share)."""

@@ -31,8 +31,6 @@ from rasterizer.scene import Gaussians
 
 Flags = Mapping[str, Bool[Tensor, " n"]]
 """Flags of the Gaussians of what a change can name, by `key_of` and by phrase."""
-STEP = 0.5
-"""Shares of its size that an object moves without a distance: plainly seen, and still in view."""
 OFFSETS = {
     "left": (-1, 0, 0), "right": (1, 0, 0), "forward": (0, -1, 0), "back": (0, 1, 0),
     "down": (0, 0, -1), "up": (0, 0, 1),
@@ -97,7 +95,7 @@ def _placed(placement: Placement, change: Change, flags: Flags, own: str) -> Pla
         return replace(placement, turn=360 * amount)
     if to is None or to.of:
         return replace(placement, to=_beside(to, flags, own), copy=change.name == COPY)
-    far = STEP if change.amount is None else amount
+    far = 0.5 if change.amount is None else amount  # of its size: plainly seen, and still in view
     right, back, up = (far * each for each in OFFSETS[to.side])
     return replace(placement, offset=(right, back, up), unit=1.0 if to.units else None)
 

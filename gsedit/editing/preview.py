@@ -38,8 +38,6 @@ from rasterizer.scene import Gaussians
 
 SEARCHED_VIEWS = 6
 """Views in which the subject is searched for a preview."""
-SHOWN_PIXELS = 0.05
-"""Pixels of the view from which a Gaussian's reflections are computed for it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +93,8 @@ def drawn_region(finder: Finder, step: Instruction, editor: Editor) -> Region | 
 def shown_by(scene: Gaussians, camera: Camera, execution: Execution) -> Bool[Tensor, " n"]:
     """The Gaussians that a camera shows: for its picture, only they need new reflections."""
     ones = torch.ones(camera.height, camera.width)
-    return lift(scene, [camera], [ones], execution).weight > SHOWN_PIXELS
+    # of fewer pixels, reflections are not computed
+    return lift(scene, [camera], [ones], execution).weight > 0.05
 
 
 @torch.no_grad()

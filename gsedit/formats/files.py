@@ -67,11 +67,7 @@ def lost(header: SceneHeader, format: Format) -> list[str]:
 
 
 def write_scene(
-    path: str | Path,
-    header: SceneHeader,
-    blocks: Blocks,
-    *,
-    overwrite: bool = False,
+    path: str | Path, header: SceneHeader, blocks: Blocks, *, overwrite: bool = False
 ) -> int:
     """Write rows by the suffix of `path`: whole or not at all. Returns their number.
 

@@ -18,12 +18,10 @@ MAX_SH = 65504.0
 square times a million pixels still fits into float32."""
 MAX_SIDE = 1 << 16
 """Largest side of a camera's picture, pixels: JPEG ends one below."""
-FOCAL_MIN, FOCAL_MAX = 1e-3, 1e6
-"""Focal length, in longer sides of the picture: from 179.9 degrees to a tenth of an arc second."""
-CENTER_MAX = 1e3
-"""Distance of the principal point from the first pixel, in longer sides of the picture."""
 MAX_COEFFICIENT = 1e9
 """Largest distortion coefficient: that of any lens is below a thousand."""
+FOCAL_MIN, FOCAL_MAX = 1e-3, 1e6
+"""Focal length, in longer sides of the picture: from 179.9 degrees to a tenth of an arc second."""
 
 
 def check_lens(
@@ -46,7 +44,7 @@ def check_lens(
             f"{where}: a focal length of {focal[0]:g}, {focal[1]:g} pixels is not positive, or no "
             f"lens has it for {size[0]}x{size[1]} pixels: correct it"
         )
-    if not all(isfinite(each) and abs(each) <= CENTER_MAX * longest for each in center):
+    if not all(isfinite(each) and abs(each) <= 1e3 * longest for each in center):
         raise InputError(
             f"{where}: the principal point {center[0]:g}, {center[1]:g} lies far outside of the "
             f"{size[0]}x{size[1]} pixels: correct it"

@@ -11,14 +11,10 @@ import numpy as np
 from gsedit.errors import InputError, UsageError
 from gsedit.formats.files import open_scene, write_scene
 from gsedit.formats.registry import READABLE, WRITABLE
-from gsedit.formats.streams import (
-    SceneHeader,
-    gather,
-    header_of,
-    in_blocks,
-)
+from gsedit.formats.streams import SceneHeader, gather, header_of, in_blocks
 from gsedit.formats.validity import Guard
 from gsedit.scene.table import gaussians_of, table_of
+from rasterizer.numerics import DEFAULT, Numerics
 from rasterizer.scene import Gaussians
 
 __all__ = ["READABLE", "WRITABLE", "SceneFile", "load", "read_scene", "save"]
@@ -35,6 +31,11 @@ class SceneFile:
     """Columns, elements and rows that were left out, one sentence each."""
     extra: Mapping[str, np.ndarray] = field(default_factory=dict)
     """Columns of the file that are no part of a Gaussian: one value a row."""
+
+    @property
+    def numerics(self) -> Numerics:
+        """How it is rendered: with Mip-Splatting's 2D filter where it was trained so."""
+        return Numerics(antialiased=True) if self.header.antialiased else DEFAULT
 
 
 def load(path: str | Path, *, drop_invalid: bool = False) -> Gaussians:

@@ -8,13 +8,7 @@ import numpy as np
 
 from gsedit.errors import InputError
 from gsedit.formats.quantised import bytes_of, log_scales_of, logits_of
-from gsedit.formats.streams import (
-    AT_ONCE,
-    Blocks,
-    ReadOptions,
-    SceneHeader,
-    SceneSource,
-)
+from gsedit.formats.streams import AT_ONCE, Blocks, ReadOptions, SceneHeader, SceneSource
 from gsedit.scene.table import SplatTable
 from rasterizer.numerics import color_to_sh
 

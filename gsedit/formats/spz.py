@@ -22,14 +22,7 @@ from gsedit.errors import InputError, UsageError
 from gsedit.formats.axes import RDF, RUB, from_axes, to_axes
 from gsedit.formats.limits import check_expansion
 from gsedit.formats.quantised import from_smallest_three, logits_of, smallest_three
-from gsedit.formats.streams import (
-    AT_ONCE,
-    Blocks,
-    ReadOptions,
-    SceneHeader,
-    SceneSource,
-    in_blocks,
-)
+from gsedit.formats.streams import AT_ONCE, Blocks, ReadOptions, SceneHeader, SceneSource, in_blocks
 from gsedit.scene.table import SplatTable
 
 POSITION_BITS = 24

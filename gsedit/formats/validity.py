@@ -16,8 +16,6 @@ from gsedit.formats.streams import Blocks
 from gsedit.scene.shapes import Bool
 from gsedit.scene.table import SPLAT_FIELDS, SplatTable
 
-MIN_NORM = 1e-12
-"""A shorter quaternion has no direction: torch's normalize gives up here too."""
 MAX_NORM = 1e9
 """Longest quaternion: its length squared has room in float32."""
 MAX_LOG_SCALE = log(MAX_POSITION)
@@ -40,7 +38,7 @@ def without_turn(table: SplatTable) -> Bool[np.ndarray, " n"]:
     """Rows whose quaternion has a length of 0 or beyond MAX_NORM; NaN is in `wrong_values`."""
     with np.errstate(invalid="ignore", over="ignore"):
         norms = np.einsum("ij,ij->i", table.quats, table.quats)
-        return (norms < MIN_NORM**2) | (norms > MAX_NORM**2)
+        return (norms < 1e-24) | (norms > MAX_NORM**2)  # torch's normalize gives up there
 
 
 def invalid_rows(table: SplatTable) -> Bool[np.ndarray, " n"]:

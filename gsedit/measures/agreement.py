@@ -30,8 +30,6 @@ PAIRS = 8
 """Most pairs of views that a row measures: a warp costs as much as a render."""
 COMPARED_VIEWS = 4
 """Held-out views whose renders are compared with those of nearby cameras."""
-COMPARED = 0.01
-"""Least share of a picture's pixels that a pair must both see: an error over fewer means little."""
 
 Range = Literal["short", "long"]
 PicturesOf = Literal["targets", "renders"]
@@ -200,11 +198,7 @@ def compare_renders(
 
 @torch.no_grad()
 def compare_pairs(
-    views: UneditedViews,
-    images: Pictures,
-    pictures: PicturesOf,
-    range_: Range,
-    pairs: Pairs,
+    views: UneditedViews, images: Pictures, pictures: PicturesOf, range_: Range, pairs: Pairs
 ) -> WarpComparison | None:
     """Both errors over the same pixels, from one warp of both pictures a pair; None where no pair
     shares 1 % of its pixels."""
@@ -219,7 +213,7 @@ def compare_pairs(
         found = warp_of(cameras[0], *_surface(here), cameras[1], *_surface(there))
         warped, valid = found(both_b), found.valid
         share = valid.double().mean().item()
-        if share >= COMPARED:
+        if share >= 0.01:  # an error over fewer pixels means little
             error = (warped - both_a)[valid].double().square().mean(0)
             shares.append(share)
             squares.append(share * error.reshape(2, 3).mean(1))

@@ -6,6 +6,7 @@ A metric that cannot be measured has no value, and a reason with the next move i
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
@@ -14,6 +15,7 @@ from typing import Any
 
 import torch
 
+from gsedit.measures.against import Reference
 from gsedit.measures.agreement import (
     COMPARED_VIEWS,
     MATCHED_PIXELS,
@@ -39,14 +41,17 @@ from gsedit.measures.evaluation_input import (
 from gsedit.measures.formulas import SquaredError, perceptual, pooled_rmse, squared_error
 from gsedit.measures.interval import interval, mean_interval
 from gsedit.measures.metrics import (
+    COST,
     METRICS,
     NO_UNEDITED,
     PAIRS,
     MeasuredView,
     Metric,
+    label_of,
     why_missing,
     why_missing_at,
 )
+from gsedit.run.environment import environment
 from gsedit.scene.picture import render_picture
 from gsedit.views.dataset import evenly_spaced
 from rasterizer.camera import Camera
@@ -289,3 +294,103 @@ def _why_no_points(pictures: str, subject: EvaluationInput) -> str:
         return NO_MATCHER
     which = "edited views with a picture" if pictures == "targets" else "held-out views"
     return f"two {which} that look in similar directions are needed: add views to the list"
+
+
+COLUMNS = 80
+LABEL, NUMBER = 40, 15
+"""Columns of a metric's name, and of a number."""
+
+
+def evaluation_record(
+    evaluation: Evaluation, request: Mapping[str, Any], against: Reference
+) -> dict[str, Any]:
+    """The record of --json and -o: what was asked, measured and not measured, and by what."""
+    return {
+        **request,
+        "views": {role: evaluation.number(role) for role in MEASURED_ROLES},
+        "measured": {**evaluation.record(), **against.cost},
+        "not_measured": {**evaluation.not_measured, **missing_cost(against)},
+        "by_view": evaluation.views,
+        **environment(),
+    }
+
+
+def missing_cost(against: Reference) -> dict[str, str]:
+    """Why the cost of the edit is not known."""
+    return {name: against.why_no_cost for name in COST if name not in against.cost}
+
+
+def evaluation_table(evaluation: Evaluation, against: Reference) -> str:
+    """For a person: values, warp errors, cost, and what is not measured."""
+    cost, targets = against.cost, against.targets
+    kinds = {"edited": against.fitted, "held_out": "held out"}
+    heads = [f"{kinds[role]} ({evaluation.number(role)})" for role in MEASURED_ROLES]
+    lines = [_line("metric", *heads, "better")]
+    for name, metric in METRICS.items():
+        if by_role := evaluation.measured.get(name):
+            label = label_of(name, targets)
+            if "all" in by_role:
+                cells = [_cell(by_role["all"], metric.decimals), f"{by_role['all'].views} views"]
+            else:
+                cells = [_cell(by_role.get(role), metric.decimals) for role in MEASURED_ROLES]
+            lines.append(_line(label, *cells, "" if metric.better == "neither" else metric.better))
+    if evaluation.warp:
+        lines += ["", _line("warp error (RMSE)", "unedited", "edited", "excess")]
+        lines += [_pair_line(row, targets) for row in evaluation.warp]
+    if evaluation.points:
+        lines += ["", _line("difference at SIFT matches (RMSE)", "unedited", "edited", "excess")]
+        lines += [_pair_line(row, targets) for row in evaluation.points]
+    if cost:
+        lines += ["", *(f"{COST[name]:<{LABEL}}{cost[name]:>{NUMBER}.0f}" for name in cost)]
+    lines += _notes(evaluation, targets)
+    missing = {**evaluation.not_measured, **missing_cost(against)}
+    return "\n".join([*lines, *_left_out(missing, targets)])
+
+
+def _line(label: str, *cells: str) -> str:
+    widths = (NUMBER, NUMBER, COLUMNS - LABEL - 2 * NUMBER)
+    return (
+        f"{label:<{LABEL}}" + "".join(f"{cell:>{width}}" for cell, width in zip(cells, widths))
+    ).rstrip()
+
+
+def _cell(mean: Mean | None, decimals: int) -> str:
+    return "-" if mean is None else f"{mean.value:.{decimals}f}"
+
+
+def _pair_line(row: WarpComparison | PointComparison, targets: str) -> str:
+    kind = targets if row.pictures == "targets" else "renders, held out"
+    if isinstance(row, WarpComparison):
+        label = f"{kind}, {row.range} range ({row.pairs} pairs)"
+    else:
+        label = f"{kind} ({row.points} points)"
+    return _line(label, *(f"{value:.4f}" for value in (row.unedited, row.edited, row.excess)))
+
+
+def _notes(evaluation: Evaluation, targets: str) -> list[str]:
+    """Notes on means over fewer views than the head of their column says."""
+    fewer: dict[str, list[str]] = {}
+    for name, by_role in evaluation.measured.items():
+        for role, mean in by_role.items():
+            if role != "all" and mean.views < (of := evaluation.number(role)):
+                note = f"over {mean.views} of {of} {role.replace('_', '-')} views"
+                fewer.setdefault(note, []).append(label_of(name, targets))
+    return _folded({f"{note}:": "; ".join(labels) for note, labels in fewer.items()})
+
+
+def _left_out(reasons: Mapping[str, str], targets: str) -> list[str]:
+    """The metrics without a value, together where the reason is the same."""
+    together: dict[str, list[str]] = {}
+    for name, reason in reasons.items():
+        together.setdefault(reason, []).append(label_of(name, targets))
+    if not together:
+        return []
+    return ["", "not measured:", *_folded({"; ".join(v) + ":": k for k, v in together.items()})[1:]]
+
+
+def _folded(notes: Mapping[str, str]) -> list[str]:
+    """One paragraph a note, within the columns; an empty line before them."""
+    lines = [""] if notes else []
+    for head, text in notes.items():
+        lines += textwrap.wrap(f"{head} {text}", COLUMNS, subsequent_indent="  ")
+    return lines

@@ -61,7 +61,7 @@ def _natural_noise() -> Float[Tensor, "n 3 h w"]:
     radius = (f[:, None].square() + f.square()).sqrt()
     amplitude = torch.where(radius > 0, 1 / radius.clamp_min(1 / side), 0.0)
     noise = torch.fft.ifft2(torch.fft.fft2(white) * amplitude).real
-    return (0.5 + NOISE_CONTRAST * noise / noise.std()).clamp(0, 1)
+    return (0.5 + 0.2 * noise / noise.std()).clamp(0, 1)  # the contrast of a photo
 
 
 # ---- a filter bank -------------------------------------------------------------------------------
@@ -77,10 +77,6 @@ BINOMIAL = (1 / 16, 4 / 16, 6 / 16, 4 / 16, 1 / 16)
 RADIUS = 3  # pixels; a Gaussian of sigma 1 has 0.3 % of its mass beyond
 MIN_SIDE = 8  # pixels; an octave of fewer cannot hold a 7-pixel kernel away from its border
 SPECTRUM_SIZE = 64  # pixels; the patch on which energies are made equal: the size that is trained
-
-
-NOISE_CONTRAST = 0.2
-"""Standard deviation of a color in a natural picture, about: of the photos of the bear, 0.2."""
 
 
 class FilterBank:

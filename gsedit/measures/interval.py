@@ -14,9 +14,6 @@ from jaxtyping import Float
 
 Interval = tuple[float, float]
 """The middle 95 % of the draws, and more where views are few."""
-LEVEL = 0.95
-DRAWS = 2000
-"""More draws move the ends of an interval by less than a hundredth of its length."""
 FEWEST_VIEWS = 4
 """Fewest views that have an interval: three can be drawn in ten ways only."""
 
@@ -36,7 +33,8 @@ def interval(
     if len(known) < FEWEST_VIEWS:
         return None
     random = np.random.default_rng(0)
-    drawn = random.multinomial(len(known), np.full(len(known), 1 / len(known)), DRAWS)
+    # more than 2,000 draws move the ends by less than a hundredth of the length
+    drawn = random.multinomial(len(known), np.full(len(known), 1 / len(known)), 2000)
     times = np.stack([drawn[:, [known[v] for v in row]].prod(1) for row in views], 1)
     times = times[times.any(1)]  # draws in which no pair has both of its views tell nothing
     tail = tail_of(len(known))
@@ -53,7 +51,7 @@ def tail_of(units: int) -> float:
     """
     from scipy.special import ndtr, stdtrit  # scipy.stats takes 0.3 s and 45 MB to import
 
-    wide = np.sqrt(units / (units - 1)) * stdtrit(units - 1, (1 + LEVEL) / 2)
+    wide = np.sqrt(units / (units - 1)) * stdtrit(units - 1, 0.975)
     return float(ndtr(-wide))
 
 

@@ -8,9 +8,6 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-SSIM_WINDOW = 11
-"""Pixels, Gaussian of sigma 1.5: the window of Wang et al. 2004."""
-
 
 def mse(image: Float[Tensor, "*s"], target: Float[Tensor, "*s"]) -> Float[Tensor, ""]:
     """Mean squared error over all elements; the color term of eq. (loss)."""
@@ -27,7 +24,7 @@ def ssim(image: Float[Tensor, "*n h w 3"], target: Float[Tensor, "*n h w 3"]) ->
     from kornia.metrics import ssim as ssim_map
 
     a, b = (t.reshape(-1, *t.shape[-3:]).movedim(-1, 1) for t in (image, target))
-    return _mean(ssim_map(a, b, SSIM_WINDOW, max_val=1.0))
+    return _mean(ssim_map(a, b, 11, max_val=1.0))  # the window of Wang et al. 2004
 
 
 def dssim(image: Float[Tensor, "*n h w 3"], target: Float[Tensor, "*n h w 3"]) -> Float[Tensor, ""]:

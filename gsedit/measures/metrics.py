@@ -219,10 +219,7 @@ PAIRS = {
     "points_renders": "difference at SIFT matches of renders",
 }
 """Labels of the errors between views (gsedit.measures.agreement), by name."""
-COST = {
-    "seconds": "wall clock of the edit, s",
-    "evaluations": "network evaluations of the edit",
-}
+COST = {"seconds": "wall clock of the edit, s", "evaluations": "network evaluations of the edit"}
 """Labels of what an edit took, by name: wall clock, and evaluations of the editor's network."""
 
 

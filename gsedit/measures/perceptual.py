@@ -36,8 +36,6 @@ IMAGENET_MEAN = (0.485, 0.456, 0.406)
 IMAGENET_STD = (0.229, 0.224, 0.225)
 """How all of these weights want RGB in [0, 1] to be standardised."""
 BINOMIAL = (1 / 4, 2 / 4, 1 / 4)
-BORDER = 2
-"""Pixels reflected on every side before a blur, which the weights were trained with."""
 
 
 Weights = Mapping[str, Tensor]
@@ -121,7 +119,7 @@ def blur_pool(x: Float[Tensor, "n c h w"]) -> Float[Tensor, "n c y x"]:
     (h + 1) // 2 + 1."""
     kernel = torch.outer(x.new_tensor(BINOMIAL), x.new_tensor(BINOMIAL))
     channels = x.shape[1]
-    bordered = F.pad(x, (BORDER,) * 4, mode="reflect")
+    bordered = F.pad(x, (2,) * 4, mode="reflect")  # as in training
     return F.conv2d(bordered, kernel.expand(channels, 1, 3, 3), stride=2, groups=channels)
 
 

@@ -22,11 +22,6 @@ from gsedit.views.paths import common_point
 from rasterizer.camera import Camera
 from rasterizer.scene import Gaussians
 
-CRUMB = 0.01
-"""Area of a part, in that of the largest one, below which it is dropped: floaters."""
-ROUNDS = 5
-"""Rounds of Taubin's smoothing, which keeps volumes: noise of single voxels goes."""
-
 
 def without_crumbs(mesh: Mesh) -> Mesh:
     """The mesh without the parts that are small beside its largest one."""
@@ -34,12 +29,12 @@ def without_crumbs(mesh: Mesh) -> Mesh:
         return mesh
     part = mesh.components
     area = np.bincount(part, mesh.areas)
-    return mesh.kept(area[part] >= CRUMB * area.max())
+    return mesh.kept(area[part] >= 0.01 * area.max())  # smaller ones are floaters
 
 
 def smoothed(mesh: Mesh) -> Mesh:
     """The mesh after Taubin's smoothing (1995)."""
-    return from_open3d(to_open3d(mesh).filter_smooth_taubin(ROUNDS))
+    return from_open3d(to_open3d(mesh).filter_smooth_taubin(5))
 
 
 def decimated(mesh: Mesh, faces: int) -> Mesh:
@@ -88,14 +83,10 @@ def _alike(colors: Float[Tensor, "*b 3"], color: Float[Tensor, "3"]) -> Bool[Ten
     return (colors - color).abs().amax(-1) < ALIKE
 
 
-FACES = 200_000
-"""Faces of a mesh: what a browser or a game shows at ease."""
 VIEWS, FOUND = 64, 36
 """Most views that are fused, and those that are found; more cost time, and agree."""
 RINGS = (20.0, 55.0, -25.0)
 """Elevations, degrees, of the views around an object without cameras: it has an underside."""
-SURVEY_PIXELS = 192
-"""Longer side of the pictures that tell how large and how fine the surface is."""
 MOST_PIXELS = 800
 """Longest side of the pictures that are fused."""
 FINENESS = 0.45
@@ -114,7 +105,7 @@ def mesh(
     cameras: Sequence[Camera] = (),
     *,
     inside: Bool[Tensor, " n"] | None = None,
-    faces: int = FACES,
+    faces: int = 200_000,  # what a browser or a game shows at ease
     watertight: bool = False,
 ) -> Mesh:
     """Make a mesh of at most `faces` triangles of what the cameras look at; found ones without any.
@@ -174,7 +165,7 @@ class _Survey:
 
 def _survey(scene: Gaussians, cameras: Sequence[Camera], whole: bool) -> _Survey:
     """Survey what is seen: all of it if `whole`, else what the cameras look at."""
-    seen = [seen_surface(scene, camera.fitted(SURVEY_PIXELS)) for camera in cameras]
+    seen = [seen_surface(scene, camera.fitted(192)) for camera in cameras]
     ball = _ball(seen, cameras, whole)
     backdrop = backdrop_color(seen, ball)
     if backdrop is not None:
@@ -236,10 +227,6 @@ def _scaled(camera: Camera, factor: float) -> Camera:
     return camera.resized(*(max(1, round(factor * s)) for s in (camera.width, camera.height)))
 
 
-HIDDEN_VOXELS = 3.0
-"""Distance behind what a view sees, in voxels, from which a vertex is hidden."""
-FACING = 4
-"""Power of the cosine to a view by which its color counts: slanted looks are smeared."""
 GREY = 0.5
 """Color of vertices where no view sees any."""
 
@@ -252,7 +239,7 @@ def painted(
     points, normals = torch.from_numpy(mesh.vertices), torch.from_numpy(mesh.normals)
     total, weight = torch.zeros_like(points), points.new_zeros(len(points))
     for surface in surfaces:
-        color, strength = _seen(points, normals, surface, HIDDEN_VOXELS * voxel)
+        color, strength = _seen(points, normals, surface, 3.0 * voxel)
         total += strength[:, None] * color
         weight += strength
     seen = (weight > 0).numpy()
@@ -266,10 +253,7 @@ def painted(
 
 
 def _seen(
-    points: Float[Tensor, "v 3"],
-    normals: Float[Tensor, "v 3"],
-    surface: SeenSurface,
-    behind: float,
+    points: Float[Tensor, "v 3"], normals: Float[Tensor, "v 3"], surface: SeenSurface, behind: float
 ) -> tuple[Float[Tensor, "v 3"], Float[Tensor, " v"]]:
     """Colors of vertices in a view, and their weights: 0 where it does not see them."""
     camera = surface.camera
@@ -285,5 +269,5 @@ def _seen(
     straight = (normals * towards).sum(-1).clamp_min(0)
     inside = (z > 0) & ((xy > 0) & (xy < size)).all(-1) & (depth > 0)
     visible = inside & ((z - depth).abs() < behind)
-    strength = visible * straight**FACING / z.clamp_min(1e-300).square()
+    strength = visible * straight**4 / z.clamp_min(1e-300).square()  # slanted looks are smeared
     return color[:, :3] / color[:, 3:].clamp_min(0.5), strength

@@ -25,8 +25,6 @@ from gsedit.views.depth import SeenSurface
 CUT_VOXELS = 6.0
 """Distance, in voxels, at which distances are cut: 2.7 standard deviations of a Gaussian, beyond
 the noise of depth in 99 % of pixels."""
-HAZE = 0.05
-"""Standard deviation of a Gaussian, in the ball's radius, from which it may be a backdrop."""
 BLOCK = 8
 """Voxels, and points, along a side of a block: what has no surface is not measured point by point.
 """
@@ -34,10 +32,6 @@ MOST_BLOCKS = 60_000
 """Blocks of the grid: 250 MB, and 2.5 million triangles. A grid of more is made coarser."""
 CLEAR = 0.1
 """Opacity below which a pixel tells that its ray meets nothing."""
-BEYOND = 4.0
-"""Depth of such a pixel, in the largest one of any surface: all of the grid is before it."""
-LEAST_VIEWS = 3
-"""Views that a voxel needs for a surface in it: two agree by chance."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,12 +48,13 @@ class Ball:
     ) -> Bool[Tensor, "*b"]:
         """Whether points on Gaussians of these standard deviations are of a surface inside."""
         near = (points - self.center).norm(dim=-1) < self.radius
-        return near & (spread < max(HAZE * self.radius, self.usual))
+        return near & (spread < max(0.05 * self.radius, self.usual))
 
 
 def fuse(surfaces: Sequence[SeenSurface], ball: Ball, voxel: float) -> tuple[Mesh, float]:
     """(the surface inside a ball, the voxels' side): `voxel`, or more where memory asks for it."""
-    far = BEYOND * max(float(s.depth.max()) for s in surfaces) + ball.radius
+    # a pixel without a surface lies behind all of the grid
+    far = 4.0 * max(float(s.depth.max()) for s in surfaces) + ball.radius
     while True:
         grid = _grid(voxel)
         blocks = _blocks(grid, (_Frame.of(surface, ball, far) for surface in surfaces), far)
@@ -72,7 +67,7 @@ def fuse(surfaces: Sequence[SeenSurface], ball: Ball, voxel: float) -> tuple[Mes
     for surface in surfaces:  # one at a time: they take the memory of the depths again, twice
         frame = _Frame.of(surface, ball, far)
         grid.integrate(whole, frame.free, frame.lens, frame.pose, 1.0, far, CUT_VOXELS)
-    views = min(LEAST_VIEWS, len(surfaces))
+    views = min(3, len(surfaces))  # two agree by chance
     found = from_open3d(grid.extract_triangle_mesh(views - 0.5).to_legacy())
     return Mesh(found.vertices + ball.center.numpy(), found.faces), voxel
 
@@ -137,14 +132,8 @@ def _tensor(values: np.ndarray, kind: type) -> Any:
     return import_open3d().core.Tensor(np.ascontiguousarray(values, kind))
 
 
-FINEST = 10
-"""Most halvings of the box that is solved for a smooth solid."""
-MOST_POINTS = 30_000_000
-"""Points of the grid: 120 MB for their distances."""
 FACES_PER_SQUARE = 3.2
 """Triangles of marching cubes for a square of the grid's side of surface; 2 of a flat one."""
-QUERIES = 1 << 20
-"""Points measured at once."""
 Signed = Callable[[Float64[np.ndarray, "p 3"]], Float32[np.ndarray, " p"]]
 """A map from points to their signed distances from a surface."""
 
@@ -171,7 +160,7 @@ def _solid(mesh: Mesh, voxel: float) -> Mesh:
     cloud = open3d.geometry.PointCloud(vectors(mesh.vertices))
     cloud.normals = vectors(mesh.normals)
     extent = float(np.ptp(mesh.vertices, axis=0).max())
-    depth = min(FINEST, max(5, ceil(log2(1.1 * extent / voxel))))
+    depth = min(10, max(5, ceil(log2(1.1 * extent / voxel))))
     found, _ = open3d.geometry.TriangleMesh.create_from_point_cloud_poisson(cloud, depth=depth)
     return from_open3d(found)
 
@@ -179,7 +168,7 @@ def _solid(mesh: Mesh, voxel: float) -> Mesh:
 def _boundary(solid: Mesh, mesh: Mesh, side: float) -> Mesh:
     """The boundary of what is behind the solid's surface, in the mesh's box, with a margin."""
     low, high = mesh.vertices.min(0) - 2 * side, mesh.vertices.max(0) + 2 * side
-    side = max(side, float(np.prod(high - low) / MOST_POINTS) ** (1 / 3))
+    side = max(side, float(np.prod(high - low) / 30_000_000) ** (1 / 3))  # 120 MB of distances
     blocks = np.ceil((high - low) / (side * BLOCK)).astype(int)
     distances = _distances(_signed(solid), low, side, blocks)
     for axis in range(3):  # outside of the box nothing is solid
@@ -203,7 +192,7 @@ def _distances(
     result = np.repeat(middles[:, None], BLOCK**3, 1)
     near = np.flatnonzero(np.abs(middles) < sqrt(3) * BLOCK * side)
     inner = np.stack(np.meshgrid(*[np.arange(BLOCK)] * 3, indexing="ij"), -1).reshape(-1, 3)
-    for some in np.array_split(near, max(1, len(near) * BLOCK**3 // QUERIES)):
+    for some in np.array_split(near, max(1, len(near) * BLOCK**3 // (1 << 20))):  # points at once
         points = low + side * (BLOCK * corners[some, None] + inner)
         result[some] = signed(points.reshape(-1, 3)).reshape(-1, BLOCK**3)
     result[np.abs(result) < 1e-4 * side] = 1e-4 * side  # a corner on the surface: flat triangles

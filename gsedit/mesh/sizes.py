@@ -141,8 +141,6 @@ OBLIQUE = 40.0
 """Degrees between the rays of two views that are compared."""
 NORMAL = 1.4826
 """Standard deviations in a median of absolute deviations, of a normal distribution."""
-PIXEL = 12**-0.5
-"""Standard deviation of a place somewhere in a pixel, pixels."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,7 +172,8 @@ def point_at(
     if len(errors) > ASKED_VIEWS:
         errors = [errors[i] for i in evenly_spaced(len(errors), ASKED_VIEWS)]
     told = NORMAL * float(np.median(np.abs(errors))) if len(errors) >= FEWEST else ALONE * depth
-    sigma = float(np.hypot(told, PIXEL * depth / float(camera.fx)))
+    # 12**-0.5: deviation of a place somewhere in a pixel
+    sigma = float(np.hypot(told, 12**-0.5 * depth / float(camera.fx)))
     return SurfacePoint(position.numpy(), sigma, len(errors))
 
 

@@ -14,12 +14,7 @@ from torch import Tensor
 from gsedit.capture.fitting.crops import CorrectedCrops
 from gsedit.capture.fitting.random_crops import crops_needed
 from gsedit.capture.fitting.solve import solve_colors, trusting_penalty
-from gsedit.capture.fitting.strokes import (
-    BAND_PENALTY,
-    leading_shares,
-    leading_views,
-    stroke_steps,
-)
+from gsedit.capture.fitting.strokes import BAND_PENALTY, leading_shares, leading_views, stroke_steps
 from gsedit.capture.fitting.update import Target, update_steps
 from gsedit.errors import InputError
 from gsedit.paper.edit_views import edit_views
@@ -30,8 +25,6 @@ from gsedit.run.events import Event
 from gsedit.views.dataset import View
 from rasterizer.scene import Gaussians
 
-MEASURE_EVERY_STEPS = 50
-"""Optimizer steps between two measurements of the scene: each renders three views."""
 REPORT_EVERY_STEPS = 10
 """Optimizer steps between two events with the loss."""
 
@@ -157,7 +150,7 @@ class Update:
             )
             for step, loss in enumerate(losses, start=self.done + self.first + 1):
                 progress.work.steps += 1
-                if step % MEASURE_EVERY_STEPS == 0:
+                if step % 50 == 0:  # renders three views
                     yield measure_progress(session, step, self.total, loss)
                 elif step % REPORT_EVERY_STEPS == 0:
                     yield Event("update", stopwatch.seconds, step, self.total, loss)

@@ -33,8 +33,7 @@ from gsedit.select.region import (
 from gsedit.select.surfaces import neighbors
 from gsedit.views.dataset import View
 from gsedit.views.depth_maps import DEFAULT_RULES, NO_RULES
-from gsedit.views.image_ops import downscale
-from gsedit.views.padding import pad_camera, pad_to_multiple
+from gsedit.views.image_ops import downscale, pad_camera, pad_to_multiple
 from rasterizer.camera import Camera
 from rasterizer.numerics import Execution
 from rasterizer.scene import Gaussians
@@ -75,7 +74,8 @@ def vote_region(
 
     `cameras` are those of all views; `edited` and `originals` are pictures by index.
     """
-    changes = [_change(image, originals[i]) for i, image in edited.items()]
+    # the root mean square over the channels
+    changes = [(image - originals[i]).square().mean(-1).sqrt() for i, image in edited.items()]
     lifted = lift(scene, [cameras[i] for i in edited], changes, execution)
     inside = find_changed(scene, lifted)
     if inside is None:
@@ -83,15 +83,6 @@ def vote_region(
     return Region(inside, "auto: what the edit changes")
 
 
-def _change(
-    edited: Float[Tensor, "h w 3"], original: Float[Tensor, "h w 3"]
-) -> Float[Tensor, "h w"]:
-    """The root mean square over the channels of the difference."""
-    return torch.sqrt((edited - original).square().mean(-1))
-
-
-WEAK_MATCH_SHARE = 0.05
-"""Mean share of matched cells below which a batch has little to agree on: worth a warning."""
 MEASURE = "measure"
 """The stage in which the editor is asked for views to compare the result with."""
 MIN_ANCHOR_OVERLAP = 0.3
@@ -288,7 +279,7 @@ def batch_of(
     images = [
         _at_edit_size(answers[i], unedited.condition(i), originals[i])
         if i in anchors
-        else _fitted(start[i], cameras[i])
+        else downscale(start[i], cameras[i].width, cameras[i].height).clamp(0, 1)  # rounding
         for i in members
     ]
     return EditBatch(
@@ -325,11 +316,6 @@ def _at_edit_size(
     return downscale(answer, width, height).clamp(0, 1)
 
 
-def _fitted(image: Float[Tensor, "h w 3"], camera: Camera) -> Float[Tensor, "y x 3"]:
-    """The picture, as small as the camera's; weights may leave [0, 1] by rounding."""
-    return downscale(image, camera.width, camera.height).clamp(0, 1)
-
-
 def choose_anchors(
     weights: Float[Tensor, "v n"], batch: Sequence[int], edited: Sequence[int]
 ) -> tuple[int, ...]:
@@ -357,7 +343,7 @@ def _describe(matches: Correspondences, shares: Sequence[float]) -> str:
     if not shares:
         return "one view: there is no other to agree with"
     mean = sum(shares) / len(shares)
-    warning = "; the views see little of each other" if mean < WEAK_MATCH_SHARE else ""
+    warning = "; the views see little of each other" if mean < 0.05 else ""
     return (
         f"{mean:.0%} of cells matched per pair ({min(shares):.0%} to {max(shares):.0%}), "
         f"{matches.covered.mean():.0%} in a cluster{warning}"

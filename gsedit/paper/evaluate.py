@@ -16,11 +16,7 @@ from gsedit.measures.evaluation import evaluate
 from gsedit.measures.evaluation_input import EvaluationInput
 from gsedit.paper.edit_views import MEASURE, match_views, sample_views
 from gsedit.paper.evidence import SHEET_HELD_OUT_VIEWS, EditMetrics, Evidence, HeldOutViews
-from gsedit.paper.measure_progress import (
-    MAX_PROGRESS_VIEWS,
-    error_event,
-    true_edits,
-)
+from gsedit.paper.measure_progress import MAX_PROGRESS_VIEWS, error_event, true_edits
 from gsedit.paper.request import name_of
 from gsedit.paper.session import Session
 from gsedit.run.events import Event

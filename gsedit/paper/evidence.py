@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from gsedit.measures.evaluation_input import Evaluation
-from gsedit.paper.progress import Work
+from gsedit.paper.session import Work
 from gsedit.paper.settings import EditSettings
 from gsedit.paper.skips import Decision
 from gsedit.paper.view_plan import ViewPlan

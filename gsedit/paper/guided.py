@@ -14,8 +14,6 @@ from gsedit.views.image_ops import downscale
 
 RADIUS = 1
 """Radius of the local maps' windows, in small pixels: of 1, 2 and 4, the nearest to the truth."""
-SLOPE_WEIGHT = 1e-3
-"""Variance of colors (in [0, 1]) below which a window's map keeps the slope 1."""
 
 
 def carry_change(
@@ -53,7 +51,7 @@ def _affine_maps(
     mean, mean_goal = _window_mean(guide), _window_mean(goal)
     variance = _window_mean(_products(guide, guide)) - _products(mean, mean)
     covariance = _window_mean(_products(goal, guide)) - _products(mean_goal, mean)
-    ridge = SLOPE_WEIGHT * torch.eye(3).to(guide)
+    ridge = 1e-3 * torch.eye(3).to(guide)  # below such a variance of colors the slope stays 1
     variance, covariance = (
         moments.movedim(1, -1).unflatten(-1, (3, 3)) + ridge for moments in (variance, covariance)
     )

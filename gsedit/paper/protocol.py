@@ -18,7 +18,7 @@ from gsedit.paper.diffusion.sampler import levels_of
 from gsedit.paper.diffusion.schedules import NoiseLevel
 from gsedit.paper.diffusion.settings import SamplerDefaults, SamplerSettings
 from gsedit.run.ranks import Ranks
-from gsedit.views.padding import PadMode
+from gsedit.views.image_ops import PadMode
 
 GroundTruth = Callable[[Float[Tensor, "n h w 3"]], Float[Tensor, "n h w 3"]]
 """A map from unedited to truly edited pictures, values in [0, 1]."""
@@ -117,10 +117,7 @@ class Capabilities:
     """Whether smaller views are edited at `best_size` too, and the change is carried down: for
     networks that draw something else at a size that they were not trained at."""
     find_ground_truth: (
-        Callable[
-            [str, Float[Tensor, "v h w 3"], Float[Tensor, "v h w 3"]],
-            GroundTruth | None,
-        ]
+        Callable[[str, Float[Tensor, "v h w 3"], Float[Tensor, "v h w 3"]], GroundTruth | None]
         | None
     ) = None
     """(prompt, edited views, their originals) -> the true edit that these views agreed on, or None;
@@ -207,10 +204,7 @@ class Autoencoder(Protocol):
         ...
 
     def encode_edited(
-        self,
-        images: Float[Tensor, "v h w 3"],
-        originals: Float[Tensor, "v h w 3"],
-        prompt: str,
+        self, images: Float[Tensor, "v h w 3"], originals: Float[Tensor, "v h w 3"], prompt: str
     ) -> Float[Tensor, "v c y x"]:
         """Latents of finished edits of these originals: what anchored views are held to."""
         ...

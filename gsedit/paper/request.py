@@ -63,10 +63,6 @@ def name_of(strategy: Any) -> str:
 
 RESUME_IGNORED = ("checkpoint_seconds", "execution", "held_out_edits")
 """Settings that may change when an edit is resumed: they do not change the scene."""
-CAMERA_DECIMALS = 5
-"""Decimals of a camera's numbers that identify it: a found one may differ by rounding."""
-LARGE_HELD_OUT_VIEWS = 4
-"""Held-out views at which the edit of a large scene is measured: each render takes seconds."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,7 +142,7 @@ class Request:
     def evaluation_views(self) -> tuple[int, ...]:
         """Indices of the held-out views at which the result is measured: a few of a large scene."""
         indices = self.held_out_indices
-        number = len(indices) if self.coarse is None else LARGE_HELD_OUT_VIEWS
+        number = len(indices) if self.coarse is None else 4  # its renders take seconds
         return tuple(indices[i] for i in evenly_spaced(len(indices), number))
 
 
@@ -249,6 +245,7 @@ def _described(views: Sequence[View], condition: str) -> str:
     poses = torch.stack([camera.world_to_camera.double() for camera in cameras])
     lenses = torch.tensor([[c.fx, c.fy, c.cx, c.cy] for c in cameras], dtype=torch.float64)
     levels = ((255 * view.image).round().byte() for view in views if condition == "photo")
-    rounded = [each.round(decimals=CAMERA_DECIMALS) for each in (poses, lenses)]
+    # a found camera may differ by rounding
+    rounded = [each.round(decimals=5) for each in (poses, lenses)]
     found = digest_of(chain(rounded, levels))
     return f"{len(views)} of {cameras[0].width}x{cameras[0].height}, {found}"

@@ -69,7 +69,7 @@ class EditSettings:
     disable: str = field(default="", metadata={"flag": "--disable"})
     """Optimisations that the edit does without, by name and separated by commas, as in
     merging,views, or all: the work is done that they would skip. --explain lists them."""
-    checkpoint_seconds: float = field(default=30.0, metadata={"flag": "--checkpoint-every"})
+    checkpoint_seconds: float = 30.0
     """Seconds between checkpoints, at least; the views of a batch are edited without one."""
     execution: Execution = AUTO
     """How pictures are rendered; it changes the run time, not the pictures."""

@@ -14,8 +14,7 @@ from torch import Tensor
 from gsedit.capture.fitting.crops import CorrectedCrops
 from gsedit.errors import Said, UsageError
 from gsedit.paper.edit_views import find_ground_truth
-from gsedit.paper.progress import Work
-from gsedit.paper.session import Session
+from gsedit.paper.session import Session, Work
 from gsedit.paper.view_plan import ViewPlan
 from gsedit.run.state import State, check_same, restoring, tensor_like
 from gsedit.run.stopwatch import Stopwatch

@@ -18,8 +18,6 @@ from rasterizer.numerics import AUTO, Execution
 from rasterizer.render import contributions
 from rasterizer.scene import Gaussians
 
-SURVEY_SIZE = 64
-"""Longest side, pixels, of the small renders that tell what a view sees."""
 SEEN = 0.05
 """A view sees a Gaussian that it shows this well, relative to the view that shows it best."""
 COVERED = 0.4
@@ -59,7 +57,7 @@ def survey(
     scene: Gaussians, cameras: Sequence[Camera], execution: Execution = AUTO
 ) -> Float[Tensor, "v n"]:
     """How much each view sees of each Gaussian, in pixels of a small picture."""
-    small = [camera.fitted(SURVEY_SIZE) for camera in cameras]
+    small = [camera.fitted(64) for camera in cameras]
     return torch.stack([contributions(scene, camera, execution=execution) for camera in small])
 
 

@@ -21,8 +21,6 @@ from gsedit.run.environment import load_extra
 
 Frame = UInt8[np.ndarray, "h w 3"]
 
-CRF = 18
-"""Constant rate factor of H.264: 0 (the largest file) to 51; 18 is called visually lossless."""
 CODECS = ("libx264", "libopenh264", "mpeg4")
 """Encoders, the best first: not every build of FFmpeg has every one."""
 MOST_FPS_GIF = 50
@@ -43,7 +41,7 @@ def write_mp4(
     path: str | Path,
     fps: float,
     *,
-    crf: int = CRF,
+    crf: int = 18,  # of 0 (the largest file) to 51: called visually lossless
     overwrite: bool = False,
 ) -> None:
     """Write frames of one size, of even width and height, as H.264 in BT.709, 4:2:0.

@@ -12,7 +12,8 @@ from jaxtyping import Float, UInt8
 from torch import Tensor
 
 from gsedit.formats.pictures import eight_bits
-from gsedit.pictures.maps import SOLID, MapName, Maps, depth_colors, depth_range, render_maps, wipe
+from gsedit.pictures import MapName
+from gsedit.pictures.maps import SOLID, Maps, depth_colors, depth_range, render_maps, wipe
 from gsedit.views.dataset import evenly_spaced
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, DEFAULT, Execution, Numerics

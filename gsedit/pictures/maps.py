@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import dataclass, replace
 from math import log
-from typing import Any, Literal, get_args
+from typing import Any
 
 import numpy as np
 import torch
@@ -13,6 +13,7 @@ from jaxtyping import Float, UInt8
 from PIL import Image, ImageDraw, ImageFont
 from torch import Tensor
 
+from gsedit.pictures import MapName
 from gsedit.run.environment import load_extra
 from gsedit.views.normals import facing, shortest_axes
 from rasterizer.camera import Camera
@@ -90,8 +91,6 @@ def _turbo() -> Any:
     return load_extra("matplotlib", "depth in color").colormaps["turbo"]
 
 
-MapName = Literal["color", "depth", "normals", "alpha"]
-MAPS: tuple[MapName, ...] = get_args(MapName)
 FAINT = 1e-4
 """Length of a blended normal below which rounding decides its direction."""
 
@@ -140,11 +139,7 @@ def render_maps(
 
 @torch.no_grad()
 def normal_map(
-    scene: Gaussians,
-    camera: Camera,
-    *,
-    numerics: Numerics = DEFAULT,
-    execution: Execution = AUTO,
+    scene: Gaussians, camera: Camera, *, numerics: Numerics = DEFAULT, execution: Execution = AUTO
 ) -> Float[Tensor, "h w 3"]:
     """Unit normals: the Gaussians' shortest axes, turned to the camera, blended as colors are.
 

@@ -24,9 +24,6 @@ from rasterizer.scene import Gaussians
 
 SIZE_PIXELS = (400, 300)
 """Width and height, pixels."""
-MOST_GAUSSIANS = 200_000
-"""Gaussians that are drawn; of more, evenly spaced ones, larger by as much as they are fewer."""
-
 Shown = TypeVar("Shown")
 
 
@@ -53,9 +50,9 @@ def scene_png(scene: Gaussians) -> bytes:
     return png_bytes(picture)
 
 
-def thinned_out(scene: Gaussians, most: int = MOST_GAUSSIANS) -> Gaussians:
-    """Every k-th Gaussian, with k times the area, so that surfaces stay closed."""
-    step = -(-len(scene) // most)
+def thinned_out(scene: Gaussians) -> Gaussians:
+    """Every k-th Gaussian, at most 200,000, with k times the area, so that surfaces stay closed."""
+    step = -(-len(scene) // 200_000)
     if step <= 1:
         return scene
     some = scene[::step]

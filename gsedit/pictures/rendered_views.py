@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 import torch
@@ -13,8 +12,9 @@ from PIL import Image
 from torch import Tensor
 
 from gsedit.formats.pictures import as_picture, eight_bits, save_picture
+from gsedit.pictures import Format, MapName
 from gsedit.pictures.frames import normal_colors, panels
-from gsedit.pictures.maps import MapName, Maps, depth_picture, render_maps
+from gsedit.pictures.maps import Maps, depth_picture, render_maps
 from gsedit.run.atomic import atomic_path
 from gsedit.run.environment import load_extra
 from gsedit.scene.color_space import linear_of_srgb
@@ -22,7 +22,6 @@ from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, DEFAULT, Execution, Numerics
 from rasterizer.scene import Gaussians
 
-Format = Literal["png", "exr", "npy"]
 Shown = Sequence[MapName]
 COLOR: Shown = ("color",)
 

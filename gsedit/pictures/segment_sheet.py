@@ -13,7 +13,7 @@ from scipy.ndimage import binary_erosion, distance_transform_edt, median_filter
 from torch import Tensor
 
 from gsedit.formats.pictures import as_picture, eight_bits
-from gsedit.pictures.captioned import captioned
+from gsedit.pictures.contact_sheet import captioned
 from gsedit.select.region import Region, tinted
 from gsedit.select.segment import Segments
 from gsedit.views.dataset import evenly_spaced
@@ -27,39 +27,22 @@ VIEWS, COLUMNS = 6, 3
 """Most views of a sheet, and how many are beside each other."""
 CELL = 400
 """Longer side of a view, pixels."""
-GOLDEN = 0.381966
-"""Step of the hue from one object to the next, of a full circle."""
 TINT, QUIET = 0.15, 0.25
 """How much of its color an object takes (little, as names tell its own), and all else."""
-SPECKLE = 5
-"""Width of the window over which the segments of pixels are smoothed, pixels."""
-OUTLINE = 2
-"""Width of the line inside each object, pixels."""
-LEAST_LABEL = 0.002
-"""Least share of a view that a segment fills to be labelled there."""
-OPAQUE = 0.5
-"""Least opacity of a pixel of a segment."""
 
 
 @torch.no_grad()
 def segment_sheet(
-    scene: Gaussians,
-    segments: Segments,
-    told: Sequence[str],
-    viewpoints: Sequence[Viewpoint],
+    scene: Gaussians, segments: Segments, told: Sequence[str], viewpoints: Sequence[Viewpoint]
 ) -> Image.Image:
     """A sheet of at most VIEWS views; `told` are the names of the segments by number."""
     return _sheet(viewpoints, lambda camera: _view(scene, segments, told, camera))
 
 
 @torch.no_grad()
-def region_sheet(
-    scene: Gaussians,
-    region: Region,
-    viewpoints: Sequence[Viewpoint],
-) -> Image.Image:
+def region_sheet(scene: Gaussians, region: Region, viewpoints: Sequence[Viewpoint]) -> Image.Image:
     """A sheet of at most VIEWS views with a region tinted."""
-    shown = tinted(scene, region)
+    shown = tinted(scene, region.inside)
     return _sheet(viewpoints, lambda camera: as_picture(render(shown, camera).color))
 
 
@@ -76,14 +59,9 @@ def _sized(camera: Camera) -> Camera:
     return camera.resized(*(round(scale * side) for side in (camera.width, camera.height)))
 
 
-def _view(
-    scene: Gaussians,
-    segments: Segments,
-    told: Sequence[str],
-    camera: Camera,
-) -> Image.Image:
+def _view(scene: Gaussians, segments: Segments, told: Sequence[str], camera: Camera) -> Image.Image:
     picture = eight_bits(render(scene, camera).color) / 255
-    owner = median_filter(_owners(scene, segments, camera).numpy(), SPECKLE)
+    owner = median_filter(_owners(scene, segments, camera).numpy(), 5)
     colors = np.array([_color(segments, i) for i in range(len(told))])
     for number, row in enumerate(segments.rows):
         here = owner == number
@@ -91,9 +69,7 @@ def _view(
         share = TINT if thing else QUIET
         picture[here] = (1 - share) * picture[here] + share * colors[number]
         if thing:
-            picture[here & ~np.asarray(binary_erosion(here, iterations=OUTLINE), bool)] = colors[
-                number
-            ]
+            picture[here & ~np.asarray(binary_erosion(here, iterations=2), bool)] = colors[number]
     image = Image.fromarray((picture.clip(0, 1) * 255).round().astype(np.uint8))
     _label(image, owner, told, colors)
     return image
@@ -107,14 +83,14 @@ def _owners(scene: Gaussians, segments: Segments, camera: Camera) -> Int[Tensor,
         flags = [segments.labels == first + i for i in range(3)]
         shares.append(weights.picture(torch.stack(flags, 1).to(scene.means).contiguous()))
     share = torch.cat(shares, -1)
-    return torch.where(share.sum(-1) > OPAQUE, share.argmax(-1), -1)
+    return torch.where(share.sum(-1) > 0.5, share.argmax(-1), -1)
 
 
 def _color(segments: Segments, number: int) -> tuple[float, float, float]:
     """A hue of its own for an object; a grey for the ground, walls and background."""
     if segments.rows[number].kind != "object":
         return (0.5, 0.5, 0.55)
-    return hsv_to_rgb((0.02 + number * GOLDEN) % 1, 0.75, 1.0)
+    return hsv_to_rgb((0.02 + number * 0.381966) % 1, 0.75, 1.0)  # the golden angle
 
 
 def _label(
@@ -125,7 +101,7 @@ def _label(
     boxes: list[tuple[float, float, float, float]] = []
     for number, name in enumerate(told):
         here = owner == number
-        if here.mean() < LEAST_LABEL:
+        if here.mean() < 0.002:
             continue
         inner = np.asarray(distance_transform_edt(np.pad(here, 1)))[1:-1, 1:-1]
         y, x = np.unravel_index(int(inner.argmax()), inner.shape)

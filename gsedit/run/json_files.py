@@ -21,10 +21,6 @@ from gsedit.run.inputs import open_regular
 
 MAX_BYTES = 256 << 20
 """Largest file of JSON: a million frames have 250 bytes each; their objects take some GB."""
-MAX_DIGITS = 19
-"""Digits of an integer that is kept as one; larger ones become floats, infinity among them."""
-MAX_TEXT = 4096
-"""Characters of a name or a path: Linux's longest path."""
 _UNWRITABLE = re.compile("[\0\ud800-\udfff]")  # half a character pair: no encoding has one
 AGAIN = "repair it or copy it again"
 Check: TypeAlias = Callable[[Any, str], Any]
@@ -110,8 +106,8 @@ def numbers(*shape: int, most: float = inf) -> Check:
     return check
 
 
-def text(longest: int = MAX_TEXT, *, empty: bool = False) -> Check:
-    """A check for a text that can be the name of a file; `empty` if it may be empty."""
+def text(longest: int = 4096, *, empty: bool = False) -> Check:
+    """A check for a text that can be the path of a file (of Linux); `empty` if it may be empty."""
 
     def check(value: Any, place: str) -> str:
         if not isinstance(value, str) or not (value or empty) or _UNWRITABLE.search(value):
@@ -157,7 +153,7 @@ def object_of(needed: Mapping[str, Check], optional: Mapping[str, Check] | None 
 
 
 def _integer(digits: str) -> int | float:
-    return int(digits) if len(digits) <= MAX_DIGITS else float(digits)
+    return int(digits) if len(digits) <= 19 else float(digits)  # or infinity
 
 
 def _short(value: Any) -> str:

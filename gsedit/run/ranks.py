@@ -343,11 +343,7 @@ def join() -> Ranks:
         rank, size = int(os.environ["RANK"]), launched()
         store, rank, size = next(rendezvous(place, rank, size))
         distributed.init_process_group(
-            "gloo",
-            store=PrefixStore("gsedit", store),
-            rank=rank,
-            world_size=size,
-            timeout=TIMEOUT,
+            "gloo", store=PrefixStore("gsedit", store), rank=rank, world_size=size, timeout=TIMEOUT
         )
     except RuntimeError as error:
         raise LostRankError(f"the ranks cannot meet: {error}") from error

@@ -25,8 +25,6 @@ KEY = "gsedit"
 """Key of the JSON in the file's metadata."""
 FORMAT = 2
 """Version of the record: raised when older states can no longer be read."""
-LONGEST_SECONDS = 1e9
-"""Longest time that work may have taken: 32 years, which a plot still has an axis for."""
 
 
 def _flag(value: Any, place: str) -> bool:
@@ -45,7 +43,7 @@ def _or_none(check: Check) -> Check:
 
 
 _OBJECT, _LIST = object_of({}), list_of(lambda value, place: value)
-_COUNT, _DURATION = number(0, whole=True), number(0, LONGEST_SECONDS)
+_COUNT, _DURATION = number(0, whole=True), number(0, 1e9)  # 32 years
 _CHECKS: Mapping[str, Check] = {
     **dict.fromkeys(("request", "command", "view_plan", "work", "stages"), _OBJECT),
     **dict.fromkeys(("answers", "targets", "pairs", "order", "curve"), _LIST),

@@ -36,12 +36,8 @@ STRAY_DISTANCE_BULKS = 500.0
 """Widths of the bulk beyond which a row is a stray: one would leave all others in one group."""
 MOST_HALVINGS = 3
 """Groups of what is far or in no picture have at most 4**this as many Gaussians."""
-NEAR_QUANTILE = 0.9
-"""Rows that are drawn larger than this share of the others count as the nearest."""
 PROBED_ROWS = 32
 """Neighbors of which one tells how large they are drawn."""
-NEAR_PICTURE = 0.1
-"""Distance from a picture's edge, of its size, within which a center counts as in it."""
 ROWS_AT_ONCE = 1 << 20
 """Rows that are worked on at a time: copies of a whole scene would double the memory."""
 DARKEST_COLOR = 1 / 255
@@ -144,13 +140,14 @@ def _halvings(
     for camera in cameras:
         places, depth = camera.project(points)
         size = torch.tensor((camera.width, camera.height))
-        is_seen = ((places / size - 0.5).abs().amax(-1) < 0.5 + NEAR_PICTURE) & (depth > 0)
+        is_seen = ((places / size - 0.5).abs().amax(-1) < 0.6) & (depth > 0)
         pixels = camera.fx / depth if camera.model == "pinhole" else depth.new_tensor(camera.fx)
         finest = torch.where(is_seen, torch.maximum(finest, pixels), finest)
     if not (finest > 0).any():
         return torch.zeros(len(means), dtype=torch.int8)
     drawn = finest[finest > 0]
-    near = drawn.kthvalue(1 + int(NEAR_QUANTILE * (len(drawn) - 1))).values
+    # rows that are drawn larger than most others are the nearest
+    near = drawn.kthvalue(1 + int(0.9 * (len(drawn) - 1))).values
     halvings = (near / finest).log2().floor().clamp(0, MOST_HALVINGS).to(torch.int8)
     return halvings.repeat_interleave(PROBED_ROWS)[: len(means)]
 

@@ -5,9 +5,6 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float32, Int, UInt64
 
-BITS = 21
-"""Bits of each axis, 63 in all: float32 has 24, and 64 bits hold no more than 21 of each."""
-
 
 def morton_order(means: Float32[np.ndarray, "n 3"]) -> Int[np.ndarray, " n"]:
     """The rows along the Z curve of their bounding box; equal places keep their order.
@@ -26,7 +23,7 @@ def morton_codes(means: Float32[np.ndarray, "n 3"]) -> UInt64[np.ndarray, " n"]:
     low = inside.min(0).astype(np.float64)
     size = np.maximum(inside.max(0) - low, np.finfo(np.float32).tiny)
     with np.errstate(invalid="ignore", over="ignore"):
-        cells = (means - low) / size * ((1 << BITS) - 1)
+        cells = (means - low) / size * ((1 << 21) - 1)  # 63 bits of 64
     codes = interleave(np.where(finite[:, None], cells, 0))
     codes[~finite] = np.uint64(0xFFFFFFFFFFFFFFFF)
     return codes

@@ -16,8 +16,6 @@ NEIGHBORS = 8
 """Fewer make the distance noisy; more reach across gaps between surfaces."""
 AT_ONCE = 1 << 17
 """Points of one query: 17 MB of distances and indices."""
-EXTENT_SIGMAS = 3.0
-"""Standard deviations at which a Gaussian ends: 1 % of its opacity is left there."""
 
 
 def nearest(
@@ -52,7 +50,10 @@ def covers(
     found = [(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))]
     for each in np.unique(size).tolist():
         rows = np.flatnonzero(size == each)
-        k, bound = min(NEIGHBORS + 1, len(rows)), EXTENT_SIGMAS * 2.0 ** (each + 1)
+        k, bound = (
+            min(NEIGHBORS + 1, len(rows)),
+            3 * 2.0 ** (each + 1),
+        )  # a Gaussian ends at 3 sigma
         distance, at = k_nearest(table.means[rows], points, k, bound)
         near = np.isfinite(distance)
         point, row = np.nonzero(near)[0], rows[at[near]]

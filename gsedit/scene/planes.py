@@ -13,10 +13,6 @@ from jaxtyping import Bool, Float, Float64
 
 from gsedit.scene.neighbors import extent_of, k_nearest
 
-REFINED = 5
-"""Least-squares fits to the points that are on a plane, one after the other."""
-TRIES = 600
-"""Planes that are tried, each through three points: a sixth of the points on one plane give 3."""
 VOTERS = 4000
 """Points that vote: more change no plane, and cost time."""
 TOLERANCE = 0.01
@@ -64,7 +60,7 @@ def voted_plane(
     votes_of: Votes | None = None,
     least: float = 0.0,
     width: float = 0.0,
-    tries: int = TRIES,
+    tries: int = 600,  # a sixth of the points on one plane give three
 ) -> tuple[Plane, float] | None:
     """The plane with most votes, fitted to the voters on it, and its share of them (RANSAC).
 
@@ -105,7 +101,7 @@ def refined_plane(
 ) -> tuple[Float64[np.ndarray, "3"], float]:
     """(unit normal on the same side, offset) fitted to the points within `tolerance` of a plane;
     at least three must be."""
-    for _ in range(REFINED):
+    for _ in range(5):
         on = points[np.abs(points @ normal - offset) < tolerance]
         middle = on.mean(0)
         fitted = np.linalg.svd(on - middle, full_matrices=False)[2][2]
@@ -117,17 +113,9 @@ def refined_plane(
 NEAR = (0.15, 0.4)
 """How far the surroundings reach from an object, of its extent; the second where the first hold no
 plane, for an object that hovers."""
-LEAST_CARRYING = 0.1
-"""Least share of the surroundings that is on the plane that carries: less is no ground."""
 LEAST_SPREAD = 0.08
 """Least standard deviation, across, of the points on it, of the object's extent: a strip a quarter
 as wide as the object is long. What is narrower is another part of it, as a hand."""
-ABOVE = 0.97
-"""Least share of the object that is above the plane."""
-TOUCHING = 0.25
-"""Largest height of the object's lowest parts over the plane, of its extent."""
-LEAST_BAND = 0.0025
-"""Least band of the plane, of the object's extent: a toe is higher."""
 
 
 def find_support(
@@ -149,8 +137,8 @@ def find_support(
     def votes(normals: np.ndarray, offsets: np.ndarray, on: np.ndarray) -> np.ndarray:
         heights = some @ normals.T - offsets
         heights *= np.copysign(1.0, np.median(heights, axis=0))
-        lowest = np.quantile(heights, 1 - ABOVE, axis=0)
-        carrying = (lowest >= -tolerance) & (lowest <= TOUCHING * extent)
+        lowest = np.quantile(heights, 0.03, axis=0)  # some may be below the plane
+        carrying = (lowest >= -tolerance) & (lowest <= 0.25 * extent)
         return np.where(carrying, on.mean(0), 0.0)
 
     for near in NEAR:
@@ -161,15 +149,13 @@ def find_support(
         share = weights[ring] / weights[ring].sum()
         voters = points[random.choice(ring, VOTERS, p=share)]  # by weight: one vote each
         width = LEAST_SPREAD * extent
-        found = voted_plane(voters, tolerance, random, votes, LEAST_CARRYING, width)
+        found = voted_plane(voters, tolerance, random, votes, 0.1, width)
         if found is not None:
             plane = found[0].facing(some)
-            return replace(plane, band=max(plane.band, LEAST_BAND * extent))
+            return replace(plane, band=max(plane.band, 0.0025 * extent))  # a toe is higher
     return None
 
 
-MOST_PLANES = 4
-"""Planes around an object that are looked for: a support and the walls of a corner."""
 LEAST_SHARE = 0.15
 """Least share of the surroundings that is on a plane beyond the first."""
 SMALLEST = 1e-3
@@ -205,7 +191,7 @@ def find_planes(
     left = left[~np.any([p.on(points[left]) for p in found], 0)] if found else left
     random = np.random.default_rng(0)
     total = weights[~removed].sum()
-    for _ in range(MOST_PLANES):
+    for _ in range(4):  # a support and the walls of a corner
         if len(left) <= 3:
             break
         asked = random.choice(left, VOTERS, p=weights[left] / weights[left].sum())

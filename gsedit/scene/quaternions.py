@@ -88,10 +88,6 @@ def principal_axes(
     return variances, quaternions_of(axes)
 
 
-_DIGITS = 14
-"""Decimals kept of a matrix's entries: a turn by a right angle then has exact zeros and ones."""
-
-
 _TURNED_AT_ONCE = 1 << 13
 """Gaussians whose harmonics are turned at once: 32 directions of 16 coefficients each, 32 MB."""
 
@@ -102,9 +98,11 @@ def harmonics(directions: Float64[np.ndarray, "m 3"], degree: int) -> Float64[np
     columns = np.empty((len(x), (degree + 1) ** 2))
     for m in range(degree + 1):
         turn = (x + 1j * y) ** m  # sin^m(theta) (cos m phi + i sin m phi)
-        below, here = np.zeros_like(z), np.full_like(z, (-1.0) ** m * _odd_factorial(m))
+        odd = np.prod(np.arange(1.0, 2 * m, 2))  # 1 * 3 * ... * (2 m - 1)
+        below, here = np.zeros_like(z), np.full_like(z, (-1.0) ** m * odd)
         for band in range(m, degree + 1):
-            scale = sqrt((2 - (m == 0)) * (2 * band + 1) / (4 * pi) * _ratio(band, m))
+            ratio = factorial(band - m) / factorial(band + m)
+            scale = sqrt((2 - (m == 0)) * (2 * band + 1) / (4 * pi) * ratio)
             columns[:, band * band + band - m] = scale * here * turn.imag
             columns[:, band * band + band + m] = scale * here * turn.real
             # associated Legendre polynomials over sin^m(theta), upwards in degree
@@ -126,7 +124,7 @@ def sh_matrix(turn: Float64[np.ndarray, "3 3"], degree: int) -> Float64[np.ndarr
     for band in range(degree + 1):
         its = slice(band * band, (band + 1) ** 2)
         matrix[its, its] = np.linalg.lstsq(before[:, its], after[:, its], rcond=None)[0]
-    return np.round(matrix, _DIGITS)
+    return np.round(matrix, 14)  # a right angle has exact zeros and ones
 
 
 def rotate_sh(
@@ -170,12 +168,3 @@ def even_directions(count: int) -> Float64[np.ndarray, "m 3"]:
     angle = i * pi * (1 + sqrt(5))
     ring = np.sqrt(1 - z * z)
     return np.stack((ring * np.cos(angle), ring * np.sin(angle), z), 1)
-
-
-def _odd_factorial(m: int) -> float:
-    """1 * 3 * ... * (2 m - 1)."""
-    return float(np.prod(np.arange(1, 2 * m, 2), initial=1.0))
-
-
-def _ratio(band: int, m: int) -> float:
-    return factorial(band - m) / factorial(band + m)

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
 NORMALS = ("nx", "ny", "nz")
 """Extra columns that turn with the scene."""
-_ORTHOGONAL = 1e-4
-"""Tolerance for the entries of M^T M / scale^2: files round to float32 or to a few decimals."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +102,7 @@ def similarity_of(matrix: np.ndarray) -> Similarity:
         raise ValueError("the last row of a similarity is 0 0 0 1")
     linear = matrix[:3, :3]
     scale = float(np.abs(np.linalg.det(linear)) ** (1 / 3))
-    if not scale or not np.allclose(linear @ linear.T / scale**2, np.eye(3), atol=_ORTHOGONAL):
+    if not scale or not np.allclose(linear @ linear.T / scale**2, np.eye(3), atol=1e-4):
         raise ValueError("the matrix shears or scales the axes differently: splats cannot follow")
     return Similarity(nearest_orthogonal(linear / scale), scale, matrix[:3, 3].copy())
 

@@ -28,12 +28,8 @@ from rasterizer.camera import Camera
 from rasterizer.color_weights import color_weights
 from rasterizer.scene import Gaussians
 
-FROM_AFAR = 1e-5
-"""Relative residual of values that follow few clicked Gaussians from afar."""
 LEAST_AFFINITY = 0.05
 """Affinity of neighbors that are not alike at all: specks follow what is around them."""
-LEAST_OPACITY = 0.2
-"""Least opacity of a pixel that shows something."""
 HALF_WINDOW = 1
 """Pixels on either side of the clicked one that have a part in it: one pixel may be a speck."""
 SEED, PRIOR = 10.0, 0.02
@@ -48,10 +44,6 @@ AROUND = 1.5
 selection: a person clicks in the middle of what is wrong."""
 WHOLE = 5.0
 """Largest extent of an object or piece that such a click takes as a whole, of that distance."""
-MANY = 0.5
-"""Least share of the cameras that look at what is clicked for the scene to be of one place."""
-MOSTLY = 0.6
-"""Least share of what a view shows of an object that is inside a box or mask that selects it."""
 SAME_PLACE = 0.01
 """Largest distance of clicks at one place, of the view's width: a hand moves a pixel or two."""
 SMALLEST = "which has no smaller part there"
@@ -128,7 +120,7 @@ class Selector:
         rows = weights.nonzero().squeeze(1)
         point = weighted_quantile(self.scene.means[rows].double(), weights[rows], 0.5)
         chosen = looking_at(point, click.camera, self.cameras)
-        if len(chosen) >= MANY * len(self.cameras):
+        if len(chosen) >= 0.5 * len(self.cameras):  # the scene is of one place
             return self
         if chosen not in self._local:
             some = [self.cameras[i] for i in chosen]
@@ -169,7 +161,8 @@ class Selector:
         things = [
             i for i in range(len(filled)) if i < len(self._found.objects) and filled[i] >= PART / 2
         ]
-        chosen = [i for i in things if of_mask[i] >= MOSTLY * of_view[i]]
+        # most of what the view shows of a thing is inside
+        chosen = [i for i in things if of_mask[i] >= 0.6 * of_view[i]]
         if chosen:
             return self._region(np.isin(self._labels, chosen), f"objects {note}")
         if not things and not drawn:
@@ -269,7 +262,8 @@ class Selector:
         near = self._surfaces.graph[rows][:, rows]
         near.data = LEAST_AFFINITY + (1 - LEAST_AFFINITY) * near.data
         given = torch.from_numpy(values), torch.from_numpy(confidence)
-        return smooth(*given, near, STRENGTH, tolerance=FROM_AFAR).numpy()
+        # values follow few clicked Gaussians from afar
+        return smooth(*given, near, STRENGTH, tolerance=1e-5).numpy()
 
     def _label(self, weights: Float64[np.ndarray, " n"]) -> int:
         """The segment that gives most of a pixel. Raises UsageError for the background."""
@@ -298,7 +292,7 @@ class Selector:
         left, top = int(click.x) - HALF_WINDOW, int(click.y) - HALF_WINDOW
         window = replace(camera, cx=camera.cx - left, cy=camera.cy - top, width=side, height=side)
         weights = self._weights(window, torch.ones(side, side), scene)
-        if click.inside and weights.sum() < LEAST_OPACITY * side**2:
+        if click.inside and weights.sum() < 0.2 * side**2:  # it shows nothing
             raise UsageError(
                 f"nothing is at {click.x:g},{click.y:g} of {name}: click where the scene is opaque"
             )

@@ -255,8 +255,6 @@ def _empty(text: str, scene: Gaussians) -> UsageError:
 Found = TypeVar("Found", Region, Segments)
 LEAST = 20_000
 """Gaussians of a scene from which looking takes a second."""
-MOST_FILES = 200
-"""Records that are kept, the latest used: about 0.2 MB each for 150,000 Gaussians."""
 torch.serialization.add_safe_globals([Region, Segment, Segments])  # what a record may hold
 
 
@@ -281,7 +279,7 @@ def remembered(
         with atomic_path(file, overwrite=True) as temporary:
             temporary.write_bytes(gzip.compress(record.getvalue(), 1))
         every = sorted(file.parent.glob("*.gz"), key=lambda each: each.stat().st_mtime)
-        for each in every[:-MOST_FILES]:
+        for each in every[:-200]:  # 0.2 MB each for 150,000 Gaussians
             each.unlink(missing_ok=True)
     return found
 

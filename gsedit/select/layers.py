@@ -19,37 +19,17 @@ from gsedit.select.surfaces import Surfaces
 
 LEVEL = cos(radians(30))
 """Least cosine between the normal of level ground and up: rough ground varies."""
-STEEPEST = 0.5
-"""Slope between two neighbors from which they are not of one patch."""
-MOST_PATCHES = 48
-"""Patches that something may stand on, the largest ones."""
-LEAST_AREA = 0.001
-"""Least area of such a patch, of the largest one's."""
 LEAST_ROWS = 12
 """Least Gaussians of a patch."""
-COPLANAR = 0.01
-"""Height between two patches in one plane, of the square root of the larger one's area."""
+
 SEEN = 1e-3
 """Least pixels that a Gaussian of a patch gives: the backs of things have no sure normals."""
-ABOVE = 3.0
-"""Height above a patch from which something stands on it, of its roughness."""
 HULL_MARGIN = 0.1
 """Width around the hull of a patch that counts as over it, of the square root of its area."""
-
 FACING = cos(radians(25))
 """Least cosine between the normal of a wall and those of its Gaussians."""
-WALLS = 6
-"""Most walls, and a ceiling."""
-WALL_SIZE = 0.5
-"""Least width of a wall, of the radius of the place: its standard deviations times 3.5."""
-WALL_SHARE = 0.08
-"""Least share of the area of all that is not level that is of a wall."""
 SKIRT = 0.6
 """Distance of rims before the plane of the ground or a wall, in distances between its Gaussians."""
-BEHIND = 0.03
-"""Largest share of the other things that is behind a wall."""
-THIN = 0.01
-"""Distance from a wall's plane that is still of it, of the radius of the place."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +54,7 @@ class Patch:
 
     def above(self, points: Float64[np.ndarray, "k 3"]) -> Bool[np.ndarray, " k"]:
         """Flag the points that are no more of the patch, but of what is above it."""
-        return self.heights(points) > ABOVE * self.rough
+        return self.heights(points) > 3.0 * self.rough
 
     def over(
         self, points: Float64[np.ndarray, "k 3"], margin: float = HULL_MARGIN
@@ -93,13 +73,13 @@ def level_patches(surfaces: Surfaces, among: Bool[np.ndarray, " n"]) -> list[Pat
     pairs = pairs[level[pairs[:, 0]] & level[pairs[:, 1]]]
     apart = surfaces.points[pairs[:, 0]] - surfaces.points[pairs[:, 1]]
     rise = np.abs(apart @ surfaces.up)
-    pairs = pairs[rise <= STEEPEST * np.linalg.norm(apart, axis=1)]
+    pairs = pairs[rise <= 0.5 * np.linalg.norm(apart, axis=1)]  # steeper ones are of two patches
     number = numbered(linked(pairs, len(surfaces)), level)
     rows = np.flatnonzero(level)
     area = np.bincount(number[rows], weights=surfaces.areas[rows])
     count = np.bincount(number[rows])
-    largest = np.argsort(-area, kind="stable")[:MOST_PATCHES]
-    kept = [i for i in largest if area[i] >= LEAST_AREA * area.max() and count[i] >= LEAST_ROWS]
+    largest = np.argsort(-area, kind="stable")[:48]
+    kept = [i for i in largest if area[i] >= 0.001 * area.max() and count[i] >= LEAST_ROWS]
     found = [_patch(surfaces, rows[number[rows] == i]) for i in kept]
     return _merged(surfaces, [each for each in found if each is not None])
 
@@ -111,10 +91,7 @@ def _merged(surfaces: Surfaces, patches: list[Patch]) -> list[Patch]:
         for j in range(i + 1, len(patches)):
             points = surfaces.points[patches[j].rows]
             off = np.abs(np.median(each.heights(points)))
-            if (
-                off <= max(2 * each.rough, COPLANAR * np.sqrt(each.area))
-                and each.over(points).any()
-            ):
+            if off <= max(2 * each.rough, 0.01 * np.sqrt(each.area)) and each.over(points).any():
                 links.append(np.array([[i, j]]))
     group = linked(np.concatenate(links), len(patches))
     rows = [
@@ -149,9 +126,9 @@ def walls(surfaces: Surfaces, among: Bool[np.ndarray, " n"]) -> list[Int[np.ndar
     """The rows of each wall or ceiling: large planes with hardly anything behind them."""
     random, found = np.random.default_rng(0), []
     left = among & surfaces.solid & (surfaces.upright < LEVEL)
-    tolerance = THIN * surfaces.place.radius
+    tolerance = 0.01 * surfaces.place.radius
     total = surfaces.areas[left].sum()
-    for _ in range(WALLS):
+    for _ in range(6):  # walls and a ceiling
         rows = np.flatnonzero(left)
         if len(rows) < LEAST_ROWS or not surfaces.areas[rows].sum():
             break
@@ -161,7 +138,7 @@ def walls(surfaces: Surfaces, among: Bool[np.ndarray, " n"]) -> list[Int[np.ndar
         if plane is None:
             break
         on = rows[_on_plane(surfaces, rows, plane, 2 * tolerance)]
-        if surfaces.areas[on].sum() < WALL_SHARE * total:
+        if surfaces.areas[on].sum() < 0.08 * total:
             break
         behind = _wall(surfaces, on, among, tolerance)
         if behind is not None:
@@ -172,10 +149,7 @@ def walls(surfaces: Surfaces, among: Bool[np.ndarray, " n"]) -> list[Int[np.ndar
 
 
 def _best_wall(
-    surfaces: Surfaces,
-    voters: Int[np.ndarray, " v"],
-    tolerance: float,
-    random: np.random.Generator,
+    surfaces: Surfaces, voters: Int[np.ndarray, " v"], tolerance: float, random: np.random.Generator
 ) -> Plane | None:
     """The steep or hanging plane with most voters that face along it."""
 
@@ -189,10 +163,7 @@ def _best_wall(
 
 
 def _on_plane(
-    surfaces: Surfaces,
-    rows: Int[np.ndarray, " m"],
-    plane: Plane,
-    tolerance: float,
+    surfaces: Surfaces, rows: Int[np.ndarray, " m"], plane: Plane, tolerance: float
 ) -> Bool[np.ndarray, " m"]:
     """Flag the rows that are on a plane and face along its normal, either way."""
     near = np.abs(plane.heights(surfaces.points[rows])) < tolerance
@@ -207,14 +178,14 @@ def _wall(
     middle = points.mean(0)
     _, spread, axes = np.linalg.svd(points - middle, full_matrices=False)
     widths = 3.5 * spread[:2] / np.sqrt(len(rows))
-    if widths.min() < WALL_SIZE * surfaces.place.radius:
+    if widths.min() < 0.5 * surfaces.place.radius:  # too narrow for a wall
         return None
     normal = axes[2] * np.sign((surfaces.normals[rows] @ axes[2]).sum() or 1)
     before = (surfaces.points - middle) @ normal
     others = among.copy()
     others[rows] = False
     seen = surfaces.seen * others
-    if seen[before < -3 * tolerance].sum() > BEHIND * seen.sum():
+    if seen[before < -3 * tolerance].sum() > 0.03 * seen.sum():  # things are behind it
         return None
     spacing = float(np.sqrt(np.median(surfaces.areas[rows])))
     high = surfaces.heights > np.median(surfaces.heights[rows])
@@ -249,24 +220,16 @@ def joints_of(
 
 # ---- bodies, told apart by the level patches that they stand on ---------------------------------
 
-GROUND_SHARE = 0.05
-"""Least area of a further patch of the ground, of the largest one's."""
 GROUND_BAND = 0.04
 """Height, in radii of the place, over which such patches may differ."""
 GROUND_AREA, GROUND_LEVEL = 0.05, 0.2
 """Least area of the ground, of that of all that is near; or of what is level there: where a street
 or trees are near, all areas together are those of noise."""
-GROUND_SEEN = 0.02
-"""Least share of what is seen near the place that is of the ground."""
-AS_WIDE = 0.3
-"""Least area of the lowest patch for it to be the ground, of the largest that could be."""
 BELOW = 0.3
 """Largest share of what is seen near the place that is below the ground."""
 CARRIES = 0.25
 """Least share of the neighbors between a body and a patch where the body is below it, for the
 body to carry the patch."""
-LEAST_TOUCH = 3
-"""Least pairs of neighbors that are a touch."""
 GROWN = 0.45
 """Least share of the smooth joints of two bodies above and below a patch, beside what joins the
 upper one with the patch, for them to be one: the back of a chair goes through the plane of its
@@ -307,14 +270,14 @@ def _ground(
     able = [each for each in patches if _is_ground(surfaces, each, among)]
     if not able:
         return ground, patches
-    wide = [each for each in able if each.area >= AS_WIDE * max(p.area for p in able)]
+    wide = [each for each in able if each.area >= 0.3 * max(p.area for p in able)]
     main = min(wide, key=lambda each: float(np.median(surfaces.heights[each.rows])))
     others = []
     band = GROUND_BAND * surfaces.place.radius
     ground[main.rows] = True
     for each in (one for one in patches if one is not main):
         off = abs(float(np.median(main.heights(surfaces.points[each.rows]))))
-        if off < 3 * main.rough or (off < band and each.area > GROUND_SHARE * main.area):
+        if off < 3 * main.rough or (off < band and each.area > 0.05 * main.area):
             ground[each.rows] = True
         else:
             others.append(each)
@@ -332,7 +295,7 @@ def _is_ground(surfaces: Surfaces, patch: Patch, among: Bool[np.ndarray, " n"]) 
     if patch.area < wide:
         return False
     seen = surfaces.seen * among
-    if seen[patch.rows].sum() < GROUND_SEEN * seen.sum():
+    if seen[patch.rows].sum() < 0.02 * seen.sum():
         return False
     below = patch.heights(surfaces.points) < -3 * patch.rough - GROUND_BAND * surfaces.place.radius
     return bool(seen[below].sum() < BELOW * seen.sum())
@@ -403,7 +366,7 @@ def _links(
         )
         lower = below / np.maximum(total, 1)
         carries = (lower >= CARRIES) | (goes_on >= GOES_ON * total)
-        carries = np.flatnonzero(carries & (total >= LEAST_TOUCH))
+        carries = np.flatnonzero(carries & (total >= 3))  # fewer pairs are no touch
         links.append(np.stack((carries, np.full(len(carries), count + i)), 1))
         joints, times = joints_of(body[cut[through == i]], count)
         upper = np.where(lower[joints].argmin(1) == 0, joints[:, 0], joints[:, 1])

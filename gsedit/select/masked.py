@@ -6,8 +6,7 @@ A network's may be noisy: views that miss it, show something else, or have soft 
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
@@ -36,6 +35,7 @@ from gsedit.views.around import cameras_of
 from gsedit.views.dataset import View, evenly_spaced
 from gsedit.views.image_ops import downscale
 from gsedit.views.undistort import Lens, undistort, undistortion
+from gsedit.views.view_pictures import view_of
 from gsedit.views.viewpoints import Viewpoint
 from rasterizer.camera import Camera
 from rasterizer.render import render
@@ -48,13 +48,9 @@ VIEW_PIXELS = 512
 SILENT = 0.5
 """Largest value of a mask's surest pixel, of that of all masks, whose view does not vote: it shows
 nothing of what is asked for, or missed it, and may be the only one to see that side."""
-TOP = 0.9
-"""Quantile of the values that are likely inside, which counts as certainly inside."""
 BIAS = 0.55
 """Least value inside, of that one. Of thresholds from 0.2 to 0.8, fixed and relative, the best on
 15 things of six synthetic stages under nine kinds of noise (docs/measurements/regions.md)."""
-LEAST_TOP = 0.05
-"""Least such value, of views that mostly missed it: below, nothing is inside."""
 LEAST_SURE = 0.3
 """Least value of the surest pixel of all masks: soft ones are not 0 where nothing is. A guess."""
 ALIKE, LEAST_PART = 0.75, 0.02
@@ -132,8 +128,8 @@ def lift_masks(
     lifted, graph = lift(scene, cameras, masks), neighbors(scene)
     values = smoothed(lifted, graph)
     likely = (values > otsu(values, lifted.weight)) & (lifted.weight > MIN_SEEN_PIXELS)
-    top = float(values[likely].quantile(TOP)) if likely.any() else 0.0
-    if top < LEAST_TOP:
+    top = float(values[likely].quantile(0.9)) if likely.any() else 0.0
+    if top < 0.05:  # hardly a view has a mask
         return torch.zeros_like(likely)
     inside = _alike(values > BIAS * top, values, lifted, graph)
     return within_silhouette(scene, cameras, inside)
@@ -177,12 +173,16 @@ def read_masks(path: Path, views: Sequence[View | Viewpoint]) -> dict[int, Float
     files = sorted(path.glob("*.png")) if path.is_dir() else [existing_file(path)]
     if not files:
         raise InputError(f"{path} has no .png file: put masks there, named after their views")
-    names: dict[str, list[int]] = {}
-    for index, view in enumerate(views):
-        names.setdefault(Path(view.name).stem, []).append(index)
+    names = [Path(view.name).name for view in views]
     masks: dict[int, Tensor] = {}
     for file in files:
-        index = _view_of(file, names)
+        index = view_of(Path(file.name), names)
+        if index is None:
+            listed = ", ".join(Path(name).stem for name in names[:4])
+            raise InputError(
+                f"{file} belongs to no view: name it after a view's picture ({listed}, ...) with "
+                ".png"
+            )
         camera, lens = views[index].camera, views[index].lens
         is_photo = file.stem == Path(views[index].name).stem
         masks[index] = read_mask(file, camera.width, camera.height, lens if is_photo else None)
@@ -207,15 +207,3 @@ def read_mask(
     if lens is not None:
         mask = undistort(mask[..., None], undistortion(lens.scaled(columns, rows)))[..., 0]
     return downscale(mask[..., None], width, height)[..., 0].clamp(0, 1)
-
-
-def _view_of(file: Path, names: Mapping[str, Sequence[int]]) -> int:
-    found = names.get(file.stem) or names.get(re.sub(r"^\d+_", "", file.stem), ())
-    if len(found) == 1:
-        return found[0]
-    if found:
-        raise InputError(f"{file}: {len(found)} views are named {file.stem}: rename the photos")
-    listed = ", ".join(list(names)[:4])
-    raise InputError(
-        f"{file} belongs to no view: name it after a view's picture ({listed}, ...) with .png"
-    )

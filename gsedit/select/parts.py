@@ -37,12 +37,6 @@ underside, and a chair a back."""
 CLEAR = log(1.4)
 """Least rise of the border on both sides, as a logarithm: 0.4 longer. Noise reaches it for
 5 of 1,920 clicks on plain and checkered balls, boxes and rods."""
-FEWEST = 8
-"""Least groups of a part: the borders of fewer are noise."""
-AS_CLEAR = 0.5
-"""Least rise of further parts that are told with the clearest one, of its rise."""
-LARGER = 1.5
-"""Least area of a part, of the next smaller one's: less is the same with a rim."""
 SHORT = 0.6
 """Longest border of a part, of that of a small compact patch, both of the root of the area: where a
 plain surface is patchy, borders rise that are as long as any."""
@@ -53,16 +47,12 @@ PER_GROUP, MOST_GROUPS = 10, 3000
 """Gaussians of a group, whose own colors are noise; and most groups: more take too long."""
 ROUNDS, NEAR = 3, 6
 """Rounds in which Gaussians find their group, and the nearest groups each chooses from."""
-COLOR_ROUNDS = 2
-"""Means over neighbors that make a color of Gaussians that of the surface."""
 COLOR = 0.07
 """Difference of two groups' colors (RMS over the channels) at which a third of the water passes."""
 TEXTURE = 1.4
 """Such a difference beside it, of the median of groups that touch: texture and noise."""
 CREASE = cos(radians(45))
 """Cosine between the normals of two groups, in a concave crease, at which a third passes."""
-CONVEX = 0.1
-"""How much a convex edge counts, of a concave one: a box is one part."""
 
 
 def parts(
@@ -163,14 +153,16 @@ def _filled(whole: _Whole) -> list[Bool[np.ndarray, " n"]]:
     order = np.argsort(rank)
     area = np.cumsum(groups.areas[order])
     seen = np.cumsum(groups.seen[order])
-    able = (seen >= whole.least) & (seen <= MOST * seen[-1]) & (np.arange(len(seen)) >= FEWEST)
+    # the borders of fewer groups are noise
+    able = (seen >= whole.least) & (seen <= MOST * seen[-1]) & (np.arange(len(seen)) >= 8)
     border = _lengths(groups, rank) / np.sqrt(area)
     able &= border <= SHORT * groups.border
     rises = _rises(border, area, able)
-    clear = rises >= max(CLEAR, AS_CLEAR * float(rises.max(initial=0)))
+    clear = rises >= max(CLEAR, 0.5 * float(rises.max(initial=0)))
     chosen: list[int] = []
     for i in np.argsort(-rises, kind="stable")[: int(clear.sum())].tolist():
-        if all(max(area[i], area[j]) > LARGER * min(area[i], area[j]) for j in chosen):
+        # less is the same with a rim
+        if all(max(area[i], area[j]) > 1.5 * min(area[i], area[j]) for j in chosen):
             chosen.append(i)
     return [whole.sure & (rank[groups.number] <= i) for i in sorted(chosen, reverse=True)]
 
@@ -278,7 +270,7 @@ def _passes(groups: _Looks, joints: Int[np.ndarray, "j 2"]) -> Float64[np.ndarra
     facing, at = groups.normals[joints.T], groups.points[joints.T]
     bend = (1 - (facing[0] * facing[1]).sum(1).clip(-1, 1)) / (1 - CREASE)
     concave = ((facing[0] - facing[1]) * (at[0] - at[1])).sum(1) < 0
-    return np.exp(-np.where(concave, 1.0, CONVEX) * bend)
+    return np.exp(-np.where(concave, 1.0, 0.1) * bend)  # a box is one part
 
 
 def _surface_colors(
@@ -289,7 +281,7 @@ def _surface_colors(
     """Colors of the surface: means over neighbors, by how much of each is seen."""
     around = _symmetric(pairs, np.ones(len(pairs)), len(seen)) + identity(len(seen))
     total, weight = colors * seen[:, None], seen
-    for _ in range(COLOR_ROUNDS):
+    for _ in range(2):  # of Gaussians, it becomes that of the surface
         total, weight = around @ total, around @ weight
     return total / weight[:, None]
 

@@ -25,7 +25,7 @@ from gsedit.select.segment import Segment, Segments, segment
 from gsedit.words.colors import PLAIN, longest
 from gsedit.words.colors import named as color_of
 from gsedit.words.lexicon import things
-from gsedit.words.tokens import MARKS, tokens
+from gsedit.words.scan import MARKS, tokens
 from rasterizer.camera import Camera
 from rasterizer.scene import Gaussians
 
@@ -549,10 +549,6 @@ HUE, SATURATION, VALUE = 22 / 360, 0.6, 0.4
 GREY_CHROMA, GREY = 0.12, 0.13
 """Largest chroma (saturation times value) of an asked color that has no hue; and chroma at which
 what is asked for without a hue is another."""
-TINGE = 0.25
-"""Saturation below which a thing has hardly a hue."""
-WHITE_SHARE = 0.95
-"""Share of the seen colors that are darker than what counts as white."""
 OF_COLOR, AS_MUCH = 0.2, 0.6
 """Least likeness of a thing of a color, and as a share of the most alike one's."""
 BASIC = tuple(name for name in PLAIN if name not in ("grey", "violet"))
@@ -582,7 +578,7 @@ def _alike(
         return lighter * exp(-((saturation * value / GREY) ** 2))
     turn = abs(hue - asked[0])
     turn = min(turn, 1 - turn)
-    clear = min(saturation / TINGE, 1.0) ** 2
+    clear = min(saturation / 0.25, 1.0) ** 2  # a paler thing has hardly a hue
     paler = exp(-(((saturation - asked[1]) / SATURATION) ** 2))
     return clear * lighter * paler * exp(-((turn / HUE) ** 2))
 
@@ -595,7 +591,7 @@ def white_of(segments: Segments) -> float:
     total, below = sum(share for _, share in seen), 0.0
     for value, share in seen:
         below += share
-        if below >= WHITE_SHARE * total:
+        if below >= 0.95 * total:
             return max(value, 0.1)
     return 1.0
 

@@ -75,12 +75,13 @@ def in_one_color(scene: Gaussians, values: Bool[Tensor, " n"] | Float[Tensor, " 
     return replace(scene, sh=grey[:, None, None].expand(-1, 1, 3))
 
 
-def tinted(scene: Gaussians, region: Region) -> Gaussians:
-    """The scene with the Gaussians inside the region tinted, for a person to look at."""
-    tint = color_to_sh(torch.tensor(TINT)).to(scene.sh)
+def tinted(
+    scene: Gaussians, inside: Bool[Tensor, " n"], color: tuple[float, float, float] = TINT
+) -> Gaussians:
+    """The scene with the Gaussians inside tinted, for a person to look at; colors in [0, 1]."""
     sh = scene.sh.clone()
-    sh[region.inside] *= 1 - TINT_STRENGTH
-    sh[region.inside, 0] += TINT_STRENGTH * tint
+    sh[inside] *= 1 - TINT_STRENGTH
+    sh[inside, 0] += TINT_STRENGTH * color_to_sh(torch.tensor(color)).to(sh)
     return replace(scene, sh=sh)
 
 
@@ -151,19 +152,15 @@ def cut_out(
     return cut if cut.any() else inside
 
 
-SMOOTHING_WEIGHT = 10.0
-"""Weight of a neighbor's value against a Gaussian's own, where all views see it well."""
 MIN_SEEN_PIXELS = 1e-3
 """Pixels, in all views together: what contributes less is not seen."""
 BINS = 256
 """Bins of the histogram of values in [0, 1] that a threshold is found in."""
-MIN_MASK_MEAN = 0.5
-"""Least mean of masks inside: they are drawn by a person, so there is nothing to find out."""
 
 
 def find_drawn(scene: Gaussians, lifted: Lifted) -> Bool[Tensor, " n"]:
     """Find the Gaussians in lifted masks; those that no mask's view sees follow their neighbors."""
-    return smoothed(lifted, neighbors(scene)) > MIN_MASK_MEAN
+    return smoothed(lifted, neighbors(scene)) > 0.5
 
 
 def smoothed(lifted: Lifted, graph: csr_matrix) -> Float[Tensor, " n"]:
@@ -171,7 +168,7 @@ def smoothed(lifted: Lifted, graph: csr_matrix) -> Float[Tensor, " n"]:
     seen = lifted.weight > MIN_SEEN_PIXELS
     typical = lifted.weight[seen].median() if seen.any() else torch.tensor(1.0)
     confidence = lifted.weight / (lifted.weight + typical)
-    return smooth(lifted.mean, confidence, graph, SMOOTHING_WEIGHT).clamp(0, 1)
+    return smooth(lifted.mean, confidence, graph, strength=10.0).clamp(0, 1)
 
 
 def otsu(values: Float[Tensor, " n"], weights: Float[Tensor, " n"]) -> float:

@@ -45,13 +45,6 @@ def inside_box(
     return inside
 
 
-def inside_ball(
-    points: Float[np.ndarray, "n 3"], center: Sequence[float], radius: float
-) -> Bool[np.ndarray, " n"]:
-    """Flag the points at most `radius` from the center."""
-    return squared_norm(points - np.array(center, np.float32)) <= np.square(np.float64(radius))
-
-
 def squared_norm(vectors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
     """Squared lengths; infinite where they leave the float type."""
     return np.einsum("ij,ij->i", vectors, vectors)
@@ -342,7 +335,8 @@ def sphere(x: float, y: float, z: float, radius: float) -> Selection:
     """Select a ball about (x, y, z)."""
     check_finite("sphere", x, y, z)
     check_positive("sphere", "radius", radius)
-    return _within(lambda points: inside_ball(points, (x, y, z), radius))
+    center = np.array((x, y, z), np.float32)
+    return _within(lambda points: squared_norm(points - center) <= np.square(np.float64(radius)))
 
 
 def cylinder(
@@ -408,10 +402,6 @@ def _placed(
     return place
 
 
-RAYS = 3
-"""A point, of which the majority counts: one ray may pass through an edge."""
-
-
 def inside(mesh: str) -> Selection:
     """Select the inside of a closed mesh: .obj, .ply, .stl, .off or .glb."""
 
@@ -422,7 +412,8 @@ def inside(mesh: str) -> Selection:
         near = ((table.means >= low) & (table.means <= high)).all(1)  # and no NaN
         points = open3d.core.Tensor.from_numpy(np.ascontiguousarray(table.means[near]))
         found = np.zeros(len(table), bool)
-        found[near] = casting.compute_occupancy(points, nsamples=RAYS).numpy() > 0.5
+        # of which the majority counts: one may pass through an edge
+        found[near] = casting.compute_occupancy(points, nsamples=3).numpy() > 0.5
         return found
 
     return Selection(mask)
@@ -433,7 +424,7 @@ def _casting(path: Path, changed: int) -> tuple[Any, Any, Any]:
     """The scene to cast rays in and the mesh's bounds. Raises InputError for no closed mesh."""
     import trimesh
 
-    from gsedit.formats.mesh_files import geometries
+    from gsedit.formats.mesh import geometries
 
     try:
         parts = [part for part in geometries(path) if hasattr(part, "faces")]
@@ -548,8 +539,6 @@ def middle(within: float, cameras: str, scene: str = "") -> Selection:
 
 TYPICAL = 8.0
 """A gap, in median distances of a Gaussian to its nearest one, where none is given."""
-SAMPLED_GAUSSIANS = 20_000
-"""Gaussians of which that median is taken."""
 MIXED = np.array((0x1E3779B97F4A7C15, 0x42B2AE3D27D4EB4F, 0x165667B19E3779F9), np.int64)
 """Large odd factors that make one number of a cell's three; it wraps round, and two cells share one
 by a chance of less than one in a million."""
@@ -604,7 +593,7 @@ def typical_gap(points: Float64[np.ndarray, "n 3"]) -> float:
     places = np.unique(points, axis=0)
     if len(places) < 2:
         return 1.0
-    asked = places[:: -(-len(places) // SAMPLED_GAUSSIANS)]
+    asked = places[:: -(-len(places) // 20_000)]
     distance, _ = k_nearest(places, asked, 2)
     return TYPICAL * float(np.median(distance[:, 1]))
 
@@ -708,9 +697,5 @@ FORMS: dict[str, Callable[..., Selection]] = {
     "all": lambda: EVERYTHING,
 }
 """Selections by their names in expressions."""
-VALUES: dict[str, Callable[..., Value]] = {
-    "distance": distance,
-    "column": column,
-    "abs": absolute,
-}
+VALUES: dict[str, Callable[..., Value]] = {"distance": distance, "column": column, "abs": absolute}
 """Functions that give a number a Gaussian, by their names in expressions."""

@@ -32,8 +32,6 @@ LEAST_ROWS = 16
 RIM, RIM_SEEN = 0.5, 10.0
 """Share of the Gaussians of a rim that are next to the ground or a wall, and most that is seen of
 one, against the least of an object."""
-FAR = 0.8
-"""Distance of a body from the middle, of the radius of the place, from which it is background."""
 TAIL = 0.02
 """Share of the seen pixels of a segment that may lie beyond each side of its box."""
 CELLS, MOST_COLORS = 6, 24
@@ -43,8 +41,6 @@ FEET, FEET_TOUCH = 0.05, 0.1
 TOUCHING = 0.15
 """Largest distance of a touch, of the object's extent, beside two distances between neighbors: what
 no camera sees under an object has no Gaussians."""
-LOOSE = 0.25
-"""Largest gap of what hovers beside a larger object and is a part of it, of that one's extent."""
 SKY_ELEVATION, SKY_DISTANCE = 8.0, 2.5
 """Degrees above the horizon, and distances of the cameras, from which the background may be sky."""
 SKY_LIGHT, SKY_WARMTH = 0.4, 0.04
@@ -154,7 +150,8 @@ def _kinds(
         body = bodies == number
         if surfaces.seen[body].sum() < least or body.sum() < LEAST_ROWS:
             continue
-        if np.median(away[body]) > FAR * surfaces.place.radius and not surfaces.place.alone:
+        # far from the middle it is background
+        if np.median(away[body]) > 0.8 * surfaces.place.radius and not surfaces.place.alone:
             far |= body
             continue
         support = ~body & (ground | (bodies >= 0))
@@ -290,7 +287,7 @@ def _with_hovering(
             for large in things
             if size[large] > size[small] > 0
         }
-        if gaps and min(gaps.values()) < LOOSE:
+        if gaps and min(gaps.values()) < 0.25:  # it is a part of a larger object
             labels = np.where(labels == small, min(gaps, key=lambda i: gaps[i]), labels)
     return labels
 
@@ -299,19 +296,13 @@ def _with_hovering(
 
 CELL = 4.0
 """Side of the cells in which Gaussians are grouped first, in distances between neighbors."""
-GROUPED = 0.3
-"""Least affinity of two neighbors of one group."""
 SAME_COLOR = 0.16
 """Largest difference of the mean colors (RMS over the channels) of pieces that are joined."""
-LEAST_PIECE = 0.03
-"""Least share of the body's Gaussians that is a piece of its own."""
 ROUNDS = 60
 """Most rounds of joining; each joins all pairs that are each other's nearest."""
 NECK = 2.5
 """Most pairs of neighbors between two things that only touch, in square roots of the smaller's
 Gaussians: a patch of color that lies in another has more around it."""
-LEAST_FOOT = 3
-"""Least pairs of neighbors between a piece and what it stands on."""
 
 
 def pieces(surfaces: Surfaces, inside: Bool[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
@@ -321,7 +312,7 @@ def pieces(surfaces: Surfaces, inside: Bool[np.ndarray, " n"]) -> Int[np.ndarray
         return np.full(len(inside), -1)
     side = CELL * float(np.sqrt(np.median(surfaces.areas[inside]))) or 1.0
     cells = np.floor(surfaces.points / side).astype(np.int64)
-    together = (cells[pairs[:, 0]] == cells[pairs[:, 1]]).all(1) & (alike > GROUPED)
+    together = (cells[pairs[:, 0]] == cells[pairs[:, 1]]).all(1) & (alike > 0.3)
     group = numbered(linked(pairs[together], len(inside)), inside)
     piece = _joined(surfaces.colors[inside], group[inside], group[pairs])
     out = np.full(len(inside), -1)
@@ -349,7 +340,7 @@ def split_touching(
         if not len(joints):
             break
         narrow = times / np.sqrt(np.minimum(size[joints[:, 0]], size[joints[:, 1]]))
-        hangs = foot[joints].min(1) < LEAST_FOOT
+        hangs = foot[joints].min(1) < 3  # pairs of neighbors
         narrow[hangs] += 1000  # what does not stand is of what it hangs on, most of all
         best = int(narrow.argmax())
         if narrow[best] < NECK:
@@ -415,7 +406,7 @@ def _joined(
         to = linked(links, len(groups.sizes))
         group, groups = to[group], groups.joined(to)
     for _ in range(ROUNDS):  # the small ones with what is most like them, or most around them
-        small = groups.sizes < LEAST_PIECE * len(group)
+        small = groups.sizes < 0.03 * len(group)
         cost = (groups.apart + SAME_COLOR) / groups.times
         links = _of_the_small(groups.joints, cost, small)
         if not len(links):

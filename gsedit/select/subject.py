@@ -163,10 +163,6 @@ VIEWS = 8
 with masks drawn by hand by at most 0.004, and take 1.6 times as long."""
 LEAST_VOTE, OF_BEST = 0.25, 0.5
 """Least mean saliency of a segment that stands out, and least share of the largest one's."""
-SURE = 0.5
-"""Mean saliency from which a Gaussian stands out by itself."""
-COVERED = 0.75
-"""Least share of what stands out by itself that the chosen segments hold, for them to decide."""
 LIFTED_SHARE, TOP = 0.45, 0.95
 """Threshold where saliency alone decides, of the quantile TOP of what stands out."""
 LEAST_PIXELS = 0.002
@@ -179,8 +175,6 @@ CARRIED = 0.5
 to be no part of the subject: a plinth is none, a table under a vase is."""
 ALONE = 0.75
 """Least share of all that is seen which the subject of a scene without surroundings fills."""
-EMPTY = 0.1
-"""Largest mean opacity of the borders of pictures where an object has nothing around it."""
 
 
 Saliency = Callable[[Float[Tensor, "v h w 3"]], Float[Tensor, "v h w"]]
@@ -217,7 +211,7 @@ def find_subject(
     weight, every = looked.lifted.weight, everything(scene)
     if inside is None or weight[inside].sum() < LEAST_PIXELS * weight.sum():
         return replace(every, note="auto: no subject stands out, so it is all", sure=0.0)
-    if weight[inside].sum() > ALONE * weight.sum() and looked.border < EMPTY:
+    if weight[inside].sum() > ALONE * weight.sum() and looked.border < 0.1:  # opacity
         return replace(every, note="auto: the subject, with nothing around it")
     sure = float((looked.lifted.mean * weight)[inside].sum() / weight[inside].sum())
     return Region(within_silhouette(scene, looked.cameras, inside), note, sure=sure)
@@ -244,7 +238,7 @@ def _look(scene: Gaussians, cameras: tuple[Camera, ...], saliency: Saliency) -> 
 def _standing_out(looked: _Looked, *, with_carrier: bool) -> tuple[Bool[Tensor, " n"] | None, str]:
     """The Gaussians that stand out, and how they were found; None where nothing does."""
     mean, weight = looked.lifted.mean, looked.lifted.weight
-    sure = mean > SURE
+    sure = mean > 0.5  # it stands out by itself
     count, labels = len(looked.segments.rows), looked.surfaces.expanded(looked.segments.labels)
     total = torch.bincount(labels, weight.double(), minlength=count).clamp_min(1e-9)
     means = (torch.bincount(labels, (weight * mean).double(), minlength=count) / total).tolist()
@@ -253,7 +247,8 @@ def _standing_out(looked: _Looked, *, with_carrier: bool) -> tuple[Bool[Tensor, 
     chosen = [i for i, vote in votes.items() if vote >= max(LEAST_VOTE, OF_BEST * best)]
     inside = torch.isin(labels, torch.tensor(chosen, dtype=torch.long))
     held = float(weight[sure & inside].sum() / weight[sure].sum().clamp_min(1e-9))
-    if chosen and (held >= COVERED or not sure.any()):
+    # segments decide where they hold what stands out by itself
+    if chosen and (held >= 0.75 or not sure.any()):
         rows = looked.segments.rows
         if with_carrier:
             under = {rows[i].stands_on for i in chosen}
@@ -320,12 +315,6 @@ TALL, LOW = 0.1, 0.45
 """Least and largest height of a block that it stands on, of the height of both."""
 NARROW = 0.5
 """Largest girth of the thing where it stands on the block, of the block's."""
-FALL = 2
-"""Slices within which the girth falls so far."""
-SOLID = 0.8
-"""Least girth of a block, of the hull around it: feet and legs apart have less."""
-SEEN_ABOVE = 0.7
-"""Least share of what is seen of both that is above the block."""
 LEAST_SLICE = 16
 """Least Gaussians of a slice that tells a girth."""
 
@@ -343,12 +332,13 @@ def block_under(surfaces: Surfaces, inside: Bool[np.ndarray, " n"]) -> Bool[np.n
     for i in range(round(TALL * SLICES), round(LOW * SLICES)):
         girth = np.median([girths[j][0] for j in range(i)])
         hull = np.median([girths[j][1] for j in range(i)])
-        after = min(each[0] for each in girths[i : i + FALL])
-        if girth < SOLID * hull or girths[i - 1][0] < NARROW * girth or after > NARROW * girth:
+        after = min(each[0] for each in girths[i : i + 2])
+        # feet and legs apart fill less of the hull around them
+        if girth < 0.8 * hull or girths[i - 1][0] < NARROW * girth or after > NARROW * girth:
             continue
         block = inside & (heights < edges[i])  # a slice higher would take claws along
         seen = surfaces.seen[inside].sum()
-        if surfaces.seen[inside & ~block].sum() >= SEEN_ABOVE * seen:
+        if surfaces.seen[inside & ~block].sum() >= 0.7 * seen:  # the thing is above the block
             return block
     return none
 

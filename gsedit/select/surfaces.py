@@ -38,8 +38,6 @@ SOLID_OPACITY = 0.1
 """Gaussians fainter than this connect nothing."""
 FAR_GROUPS = 40_000
 """Most groups of a large scene that are beyond the place, of MAX_GAUSSIANS in all."""
-WITHIN = 2.0
-"""Largest distance of a camera that looks at what is clicked, of the clicked view's."""
 LARGE = 6.0
 """Gaussians this many times as long as is usual connect nothing: haze and sky."""
 
@@ -49,10 +47,6 @@ SURFACE_COLOR_RMS = 0.1
 """Difference of two colors (RMS over channels) at which neighbors count as of two surfaces."""
 SURFACE_ANGLE = 45.0
 """Degrees between the normals of two neighbors at which they count as of two surfaces."""
-MAX_DISTANCE_RATIO = 3.0
-"""Neighbors farther apart than this many of their typical distances are not connected."""
-SOLVED_TO = 1e-2
-"""Relative residual of smoothed values: they are compared with thresholds, not read."""
 
 
 Near = tuple[Float64[np.ndarray, "n k"], Int64[np.ndarray, "n k"]]
@@ -88,7 +82,7 @@ def neighbors(
         if facing is not None:
             cosine = (facing * facing[near_by]).sum(1).clip(-1, 1)
             unlike += (1 - cosine) / (1 - cos(radians(SURFACE_ANGLE))) / 2
-        close = distance[:, j] <= MAX_DISTANCE_RATIO * np.sqrt(typical * typical[near_by])
+        close = distance[:, j] <= 3.0 * np.sqrt(typical * typical[near_by])
         alike[:, j] = np.exp(-unlike) * close
     starts = np.arange(n + 1) * index.shape[1]
     matrix = csr_matrix((alike.reshape(-1), index.reshape(-1), starts), shape=(n, n))
@@ -100,7 +94,7 @@ def smooth(
     confidence: Float[Tensor, " n"],
     graph: csr_matrix,
     strength: float,
-    tolerance: float = SOLVED_TO,
+    tolerance: float = 1e-2,  # values are compared with thresholds, not read
 ) -> Float[Tensor, " n"]:
     """Values that are near the given ones where these are sure, and near their neighbors'.
 
@@ -249,7 +243,7 @@ def looking_at(
 ) -> tuple[int, ...]:
     """Indices of the cameras that have a point in their pictures and are not much farther from it
     than `camera`; all where none is."""
-    reach = WITHIN * (camera.center.double() - point).norm()
+    reach = 2.0 * (camera.center.double() - point).norm()
 
     def looks(each: Camera) -> bool:
         (x, y), depth = each.project(point)

@@ -54,8 +54,6 @@ _COMPARISONS: dict[type, Callable[..., Any]] = {
 _CONSTANTS = {"inf": float("inf"), "pi": 3.141592653589793}
 LONGEST = 10_000
 """Characters of an expression: a list of a hundred spheres has 5,000."""
-DEEPEST = 100
-"""Nodes of an expression that are one inside the other: Python's stack holds their evaluation."""
 _COLOR = "_color_"
 """Takes the place of # in front of a color, which begins a comment in Python."""
 _QUOTED = re.compile(r"""'[^']*'|"[^"]*\"""")
@@ -111,7 +109,7 @@ class _Reader:
             self.refuse(error.msg or "not readable", max((error.offset or 1) - 1, 0))
         except (ValueError, RecursionError, MemoryError, OverflowError):
             self.refuse("too deep, or a character that none can read", 0)
-        if _depth(tree) > DEEPEST:
+        if _depth(tree) > 100:  # Python's stack holds the evaluation
             self.refuse("too deep: write it shorter, or filter in several steps with then", 0)
         return tree
 

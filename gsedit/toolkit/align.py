@@ -19,7 +19,7 @@ from jaxtyping import Float64
 
 from gsedit.errors import UsageError
 from gsedit.formats.streams import SceneHeader
-from gsedit.formats.usd.units import rescaled
+from gsedit.formats.usd.file import rescaled
 from gsedit.run.environment import load_extra
 from gsedit.scene.neighbors import k_nearest
 from gsedit.scene.planes import Plane, voted_plane
@@ -173,21 +173,10 @@ def _share(a: Any, b: Any, radius: float) -> float:
     return float(np.isfinite(k_nearest(theirs, ours, 1, 1.5 * radius)[0]).mean())
 
 
-SAMPLED_SPLATS = 20_000
-"""Splats that are looked at, drawn by opacity times area."""
-TRIES = 2_000
-"""Planes through three of them: with one splat in seven on the ground, 5 or more fit it."""
-THICKNESS = 0.01
-"""Distance that a splat may have from a plane, as a share of the median distance from the middle.
-"""
-TRIED_SPLATS = 4_000
-"""Number of these splats that planes are tried on first."""
 LEAST_SHARE = 0.02
 """Share of the splats that a ground holds."""
 TILT = 35.0
 """Degrees that the ground may lean against an upward direction that is given."""
-UNSURE = 0.2
-"""Share of splats with a partner below which a person is told to look."""
 
 
 def find_ground(table: SplatTable, up: Float64[np.ndarray, "3"]) -> tuple[Plane, float, float]:
@@ -197,8 +186,8 @@ def find_ground(table: SplatTable, up: Float64[np.ndarray, "3"]) -> tuple[Plane,
     Its normal is at most TILT from `up`. Raises UsageError where no plane holds LEAST_SHARE.
     """
     points = _sample(table)
-    thickness = THICKNESS * float(np.median(np.linalg.norm(points - np.median(points, 0), axis=1)))
-    voters = points[:TRIED_SPLATS]
+    thickness = 0.01 * float(np.median(np.linalg.norm(points - np.median(points, 0), axis=1)))
+    voters = points[:4_000]
 
     def votes(normals: np.ndarray, offsets: np.ndarray, on: np.ndarray) -> np.ndarray:
         rise, share = normals @ up, on.mean(0)
@@ -206,7 +195,8 @@ def find_ground(table: SplatTable, up: Float64[np.ndarray, "3"]) -> tuple[Plane,
         level = np.abs(rise) > np.cos(np.radians(TILT))
         return level * share * (over / np.maximum(1 - share, 1e-9)) ** 4
 
-    found = voted_plane(voters, thickness, np.random.default_rng(0), votes, tries=TRIES)
+    # with one splat in seven on the ground, 5 or more fit it
+    found = voted_plane(voters, thickness, np.random.default_rng(0), votes, tries=2_000)
     plane = None if found is None else found[0].turned(up)
     heights = np.zeros(0) if plane is None else plane.heights(points)
     share = float(np.mean(np.abs(heights) < thickness)) if len(heights) else 0.0
@@ -221,7 +211,7 @@ def _sample(table: SplatTable) -> Float64[np.ndarray, "n 3"]:
         raise UsageError("a scene of so few visible splats has no ground")
     # giants must not decide alone
     weight = np.minimum(weight, 10 * np.median(weight[weight > 0]))
-    rows = np.random.default_rng(0).choice(len(weight), SAMPLED_SPLATS, p=weight / weight.sum())
+    rows = np.random.default_rng(0).choice(len(weight), 20_000, p=weight / weight.sum())
     return table.means[rows].astype(np.float64)
 
 
@@ -303,7 +293,7 @@ class AlignTo(Align):
             f"{100 * match.overlap:.0f} % of its splats lie on the other scene, "
             f"{match.residual:.4g} units off (root mean square)"
         )
-        if match.overlap < UNSURE:
+        if match.overlap < 0.2:
             say("so few that the two may not show the same thing: look at the result")
         return match.similarity
 

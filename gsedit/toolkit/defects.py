@@ -173,8 +173,6 @@ than this share of the scene's radius."""
 OPEN = 0.3
 """The end of a needle is in the open if others cover it with less than this share of the needle's
 own opacity."""
-PEELS = 8
-"""Rounds, at most: without the outermost streaks of a bundle, the next ones end in the open."""
 ALIKE = 1.5
 """A needle holds the end of another one that is at most this many times shorter than itself: the
 pieces of a string hold each other, a bundle of streaks of all lengths does not."""
@@ -287,7 +285,7 @@ def needles(table: SplatTable, about: Surroundings, ratio: float) -> Rows:
     holds = ~thin[row] | (scales[row, 2] <= ALIKE * scales[own, 2])
     holds &= row != own
     point, row, alpha = point[holds], row[holds], alpha[holds]
-    for _ in range(PEELS):
+    for _ in range(8):  # without the outermost of a bundle, the next end in the open
         stays = ~gone[row]
         covered = np.bincount(point[stays], alpha[stays], 2 * len(rows)).reshape(2, -1).min(0)
         gone[rows] |= covered < OPEN * table.opacities[rows]

@@ -150,7 +150,10 @@ def diff(
             for scene, own in zip((a, b), numerics)
         )
         errors.append(metrics.squared_error(after, before))
-        views.append(compare_pictures(viewpoint.name, before, after))
+        largest = float((after - before).abs().max())
+        psnr = min(metrics.psnr(after, before), metrics.NEAREST)
+        ssim = metrics.ssim(after, before)
+        views.append(ViewDifference(viewpoint.name, psnr, ssim, largest))
         if progress is not None:
             progress(done, len(viewpoints))
     rmse = metrics.pooled_rmse(errors)
@@ -169,18 +172,6 @@ def diff(
         sum(view.ssim for view in views) / len(views),
         frame_hints(a, b),
     )  # fmt: skip
-
-
-def compare_pictures(
-    name: str, before: Float[Tensor, "h w 3"], after: Float[Tensor, "h w 3"]
-) -> ViewDifference:
-    """Two pictures of a view, of 6 pixels or more a side, in numbers."""
-    return ViewDifference(
-        name,
-        min(metrics.psnr(after, before), metrics.NEAREST),
-        metrics.ssim(after, before),
-        float((after - before).abs().max()),
-    )
 
 
 def quantiles_of(values: Float[Tensor, " n"]) -> Quantiles:
@@ -288,10 +279,6 @@ def _matches(
     return Matches(of_before, of_after, same_rows, sampled, *changes)
 
 
-CHANCE_SHARE = 0.01
-"""Share of the Gaussians below which those that both scenes have may be there by chance."""
-
-
 def difference_table(result: SceneDifference, paths: tuple[Path, Path]) -> str:
     """Return the comparison of two scenes, named by their files, as aligned tables."""
     counts, degrees = result.counts, result.sh_degrees
@@ -340,7 +327,7 @@ def matches_text(matches: Matches) -> str:
             f"{matches.of_before:.1%} of the first scene's Gaussians are in the second, "
             f"{matches.of_after:.1%} of the second's in the first{sample}"
         )
-    if matches.moved is None or max(matches.of_before, matches.of_after) < CHANCE_SHARE:
+    if matches.moved is None or max(matches.of_before, matches.of_after) < 0.01:
         return text
     return (
         f"{text}\nthese differ (RMS) in place by {matches.moved:.3g}, in the logarithm of size by "

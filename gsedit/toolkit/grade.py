@@ -28,8 +28,6 @@ ColorMap = Callable[[Float64[np.ndarray, "m 3"]], Float64[np.ndarray, "m 3"]]
 
 SEEN_FROM = 2
 """Directions, as many times as there are coefficients, in which a map is done to a color."""
-COLORS_AT_ONCE = 1 << 19
-"""Colors that a map is given at a time: 12 MB."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +61,7 @@ def mapped(sh: Float32[np.ndarray, "n k 3"], color_map: ColorMap) -> Float32[np.
         return after.astype(np.float32)
     values, fit = _seen(isqrt(k) - 1)
     after = np.empty_like(sh)
-    rows = max(1, COLORS_AT_ONCE // len(values))
+    rows = max(1, (1 << 19) // len(values))  # colors at a time: 12 MB
     for start in range(0, n, rows):
         before = sh[start : start + rows].astype(np.float64)
         colors = np.maximum(0.5 + np.einsum("dk,nkc->ndc", values, before), 0)

@@ -96,14 +96,10 @@ def recolor(
     return apply(scene, Recolor(grade, selection=as_selection(where)))
 
 
-ROTATIONS = 24
-"""Steps of the transport, each along three axes."""
 QUANTILES = 64
 """Quantiles of a step along one axis; between them the map is straight."""
 DIRECTIONS = 64
 """Random directions along which a distance of colors is measured."""
-TIES = 1e-9
-"""Lab, between quantiles that are equal: knots must rise."""
 
 
 def color_transport(
@@ -121,11 +117,11 @@ def color_transport(
     generator = np.random.default_rng(0)
     points, goal = lab_of_srgb(np.clip(source, 0, 1)), lab_of_srgb(target)
     steps = []
-    for _ in range(ROTATIONS):
+    for _ in range(24):
         axes = np.linalg.qr(generator.standard_normal((3, 3)))[0].T
         before = np.stack([quantiles(p, weights) for p in (points @ axes.T).T])
         after = np.stack([quantiles(p, np.ones(len(goal))) for p in (goal @ axes.T).T])
-        steps.append((axes, before + TIES * np.arange(QUANTILES), after))
+        steps.append((axes, before + 1e-9 * np.arange(QUANTILES), after))  # knots must rise
         points = _transported(points, *steps[-1])
 
     def moved(srgb: Float[np.ndarray, "m 3"]) -> Float[np.ndarray, "m 3"]:
@@ -171,9 +167,7 @@ def _continued(
 
 
 def sliced_distance(
-    a: Float[np.ndarray, "n 3"],
-    weights: Float[np.ndarray, " n"],
-    b: Float[np.ndarray, "m 3"],
+    a: Float[np.ndarray, "n 3"], weights: Float[np.ndarray, " n"], b: Float[np.ndarray, "m 3"]
 ) -> float:
     """Sliced Wasserstein-2 distance of two sets of sRGB colors, in units of Lab (a difference of
     1 to 2 is just seen).
@@ -193,8 +187,6 @@ def sliced_distance(
 
 PICTURE_SIZE = 256
 """Longer side that a picture is reduced to, pixels: its colors hardly change."""
-SAMPLED = 1 << 17
-"""Gaussians, evenly over the rows, from which the map is made."""
 
 
 @dataclass(frozen=True)
@@ -220,7 +212,7 @@ class Palette(Whole):
         rows = np.flatnonzero(inside & drawn)
         if not len(rows):
             raise UsageError("nothing that can be seen is selected: there are no colors to change")
-        sample = rows[:: -(-len(rows) // SAMPLED)]
+        sample = rows[:: -(-len(rows) // (1 << 17))]
         colors, weights = table.colors[sample], table.opacities[sample]
         goal = read_colors(self.picture)
         transport = color_transport(colors, weights, goal, self.strength)

@@ -18,7 +18,7 @@ from jaxtyping import Bool, Float64
 from gsedit.errors import InputError, UsageError
 from gsedit.formats.flags import mapped_array
 from gsedit.formats.streams import SceneHeader
-from gsedit.formats.usd.units import rescaled
+from gsedit.formats.usd.file import rescaled
 from gsedit.run.atomic import atomic_path
 from gsedit.run.inputs import existing_file
 from gsedit.run.json_files import read_json

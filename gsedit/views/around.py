@@ -106,8 +106,6 @@ def cameras_of(
 
 NARROW = 0.96
 """Cosine (16 degrees) within which a surface's normal counts for a direction."""
-GROUND = 0.06
-"""Least share of what is seen that must face up; a scene without ground has no clear direction."""
 
 
 def normals_from_depth(camera: Camera, depth: Float[Tensor, "h w"]) -> Float[Tensor, "n 3"]:
@@ -124,9 +122,7 @@ def normals_from_depth(camera: Camera, depth: Float[Tensor, "h w"]) -> Float[Ten
 
 
 def find_up(
-    directions: Float[Tensor, "d 3"],
-    normals: Float[Tensor, "n 3"],
-    forwards: Float[Tensor, "v 3"],
+    directions: Float[Tensor, "d 3"], normals: Float[Tensor, "n 3"], forwards: Float[Tensor, "v 3"]
 ) -> Float[Tensor, "3"] | None:
     """The upward unit vector, float64; None where nothing says.
 
@@ -140,7 +136,7 @@ def find_up(
     across = (1 - 2 * (forwards @ directions.T).square().mean(0)).clamp_min(0)
     score = facing * across
     best = int(score.argmax())
-    if float(facing[best]) < GROUND or float(score[best]) <= 0:
+    if float(facing[best]) < 0.06 or float(score[best]) <= 0:
         return None
     near = normals[(normals @ directions[best]) > NARROW]
     return torch.nn.functional.normalize(near.mean(0), dim=0)
@@ -153,8 +149,6 @@ SPREAD = 4.0
 SURROUNDED = 0.5
 """Least share of all directions that are opaque from the places of a capture with surroundings: an
 object alone hides at most half of them from a place outside it."""
-WELL = 0.2
-"""A view shows a Gaussian well at this share of the weight of the view that shows it best."""
 ADMITTED = 1.0
 """A view is admitted whose score is at most this far below the best one's."""
 
@@ -306,7 +300,7 @@ def cover(found: Sequence[ScoredView], count: int) -> list[int]:
     whose well-shown Gaussians were shown least often.
     """
     weights = torch.stack([view.weights for view in found])
-    well = (weights >= WELL * weights.amax(0).clamp_min(1e-9)).to(weights)
+    well = (weights >= 0.2 * weights.amax(0).clamp_min(1e-9)).to(weights)
     worth = weights.sum(0)
     times, chosen = torch.zeros_like(worth), []
     for _ in range(min(count, len(found))):

@@ -19,17 +19,14 @@ import torch
 from gsedit.errors import InputError
 from gsedit.formats.limits import MAX_POSITION, MAX_SIDE, check_lens
 from gsedit.run.atomic import atomic_path, beside_or_shared
-from gsedit.run.inputs import beside
+from gsedit.run.inputs import beside, safe_name
 from gsedit.run.json_files import list_of, number, numbers, object_of, read_json, text
-from gsedit.run.safe_names import safe_name
 from gsedit.views.dataset import View
-from gsedit.views.viewpoints import Viewpoint
+from gsedit.views.viewpoints import Viewpoint, same_size, that_see, thinned, viewpoints_near
 from rasterizer.camera import Camera
+from rasterizer.scene import Gaussians
 
 NAME = "cameras.json"
-_SAME_ANGLE = 1e-3
-"""Relative difference of focal lengths: pictures of another size are rounded to whole pixels."""
-_ORTHONORMAL = 1e-3  # of R^T R: other writers round to float32 or to a few decimals
 _CAMERAS = list_of(
     object_of(
         {
@@ -72,6 +69,15 @@ def read_cameras(path: str | Path) -> tuple[Viewpoint, ...]:
     )
     viewpoints = [_viewpoint(entry, f"{path}: [{i}]") for i, entry in enumerate(entries)]
     return tuple(sorted(viewpoints, key=lambda viewpoint: viewpoint.name))
+
+
+def recorded_viewpoints(scene: Gaussians, file: Path | None, size: int) -> tuple[Viewpoint, ...]:
+    """The viewpoints of a cameras.json on pictures `size` pixels wide, for a scene beside it; none
+    if none of them sees the scene, or without a file."""
+    if file is None:
+        return ()
+    found = viewpoints_near(same_size(read_cameras(file), size), scene)
+    return found if that_see(thinned(found, 16), scene) else ()
 
 
 def write_cameras(
@@ -120,7 +126,7 @@ def _same_cameras(viewpoints: Sequence[View | Viewpoint], path: Path) -> bool:
         and torch.allclose(
             a.camera.world_to_camera, b.camera.world_to_camera.double(), rtol=1e-5, atol=1e-6
         )
-        and isclose(_angle(a.camera), _angle(b.camera), rel_tol=_SAME_ANGLE)
+        and isclose(_angle(a.camera), _angle(b.camera), rel_tol=1e-3)
         for a, b in zip(found, ordered)
     )
 
@@ -149,7 +155,7 @@ def _entry(index: int, viewpoint: View | Viewpoint) -> dict[str, Any]:
 def _viewpoint(entry: dict[str, Any], where: str) -> Viewpoint:
     position, rotation = (torch.from_numpy(entry[key]) for key in ("position", "rotation"))
     gram = rotation.T @ rotation - torch.eye(3, dtype=torch.float64)
-    if gram.abs().max() > _ORTHONORMAL or rotation.det() < 0:
+    if gram.abs().max() > 1e-3 or rotation.det() < 0:
         raise InputError(f"{where}: rotation is none: correct it, or remove the file")
     fx, fy, width, height = (entry[key] for key in ("fx", "fy", "width", "height"))
     width, height = int(width), int(height)

@@ -12,16 +12,8 @@ from torch import Tensor
 
 from gsedit.errors import InputError
 from gsedit.formats.limits import check_lens, check_points, check_pose
-from gsedit.run.inputs import existing_file, open_regular, refuse_doubles
-from gsedit.run.safe_names import safe_name
-from gsedit.views.photos import (
-    REDUCED,
-    Capture,
-    PosedPhoto,
-    SparsePoints,
-    find_mask,
-    find_photo,
-)
+from gsedit.run.inputs import existing_file, open_regular, refuse_doubles, safe_name
+from gsedit.views.photos import REDUCED, Capture, PosedPhoto, SparsePoints, find_mask, find_photo
 from gsedit.views.undistort import ColmapLens, Lens, import_pycolmap
 
 _U32, _U64 = Struct("<I"), Struct("<Q")

@@ -134,10 +134,7 @@ def evenly_spaced(count: int, at_most: int) -> list[int]:
 
 
 def capture(
-    scene: Gaussians,
-    cameras: Sequence[Camera],
-    names: Sequence[str],
-    execution: Execution = AUTO,
+    scene: Gaussians, cameras: Sequence[Camera], names: Sequence[str], execution: Execution = AUTO
 ) -> tuple[View, ...]:
     """Renders of a scene as views, clamped to [0, 1]; one name for each camera."""
     return tuple(

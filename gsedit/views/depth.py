@@ -28,8 +28,6 @@ standard deviations: 0.54 where discs are drawn in place, 0.56 and 0.61 in two f
 REACH = 0.5
 """Largest distance, in that mean, from the center's depth to where a ray meets its plane: beyond it
 the plane of a Gaussian that is hardly flat says nothing."""
-FLATTEST = 0.05
-"""Least ratio of the axes that a plane is computed from, which keeps it finite."""
 FAINT = 1e-30
 """Length of a vector that has no direction."""
 
@@ -98,7 +96,7 @@ def _facing_planes(
     centers = scene.means @ pose[:3, :3].T + pose[:3, 3]
     scales = scene.scales
     longest = scales.amax(-1, keepdim=True)
-    shape = torch.maximum(scales / longest.clamp_min(FAINT), scales.new_tensor(FLATTEST))
+    shape = torch.maximum(scales / longest.clamp_min(FAINT), scales.new_tensor(0.05))
     axes = pose[:3, :3] @ rotation_matrices(scene.quats)
     towards = centers if camera.model == "pinhole" else centers.new_tensor((0.0, 0.0, 1.0))
     towards = towards.expand_as(centers)

@@ -53,8 +53,6 @@ def offset_of(world_to_cameras: Sequence[Float[Tensor, "4 4"]]) -> Float[Tensor,
     return (middle / unit).round() * unit
 
 
-ENOUGH_VIEWS = 8
-"""Photos that must remain where others are missing: with fewer, one in eight cannot be held out."""
 NAMED = 3
 """Missing photos that a message names."""
 
@@ -128,7 +126,7 @@ def _missing(path: Path, capture: Capture) -> list[str]:
     names = ", ".join(missing[:NAMED]) + (", ..." if len(missing) > NAMED else "")
     listed = f"{path} lists {there + len(missing)} photos and {len(missing)} of them "
     listed += f"{'is' if len(missing) == 1 else 'are'} not there ({names})"
-    if there < max(ENOUGH_VIEWS, len(missing)):
+    if there < max(8, len(missing)):  # with fewer, one in eight cannot be held out
         raise InputError(f"{listed}: copy them there, or remove their entries")
     return [f"{listed}: going on with the other {there}"]
 
@@ -206,9 +204,6 @@ def _moved(
     return pose
 
 
-PROPORTIONS = 1.0
-"""Pixels by which a side may differ from that of the calibrated photo made smaller: rounding."""
-
 LARGE_PIXELS = 16_000_000
 """Pixels above which a photo that is read small is averaged in 8 bits first: 200 MB of float32."""
 
@@ -252,9 +247,7 @@ def matched(path: Path, lens: Lens, mask: Path | None, where: str) -> Source:
 def _fits(size: tuple[int, int], other: tuple[int, int]) -> bool:
     """Whether a picture of that size is one of the other size, made larger or smaller."""
     scale = max(size) / max(other)
-    return all(
-        abs(side - its * scale) <= PROPORTIONS * max(1.0, scale) for side, its in zip(size, other)
-    )
+    return all(abs(side - its * scale) <= max(1.0, scale) for side, its in zip(size, other))
 
 
 def read_pixels(
@@ -273,7 +266,7 @@ def read_pixels(
     return Pixels(
         photo[..., :3].clamp(0, 1),
         None if source.mask is None else photo[..., -1] < LEAST_SHARE,
-        _alpha(photo) if channels == 4 else None,
+        photo[..., 3].clamp(0, 1) if channels == 4 else None,
     )
 
 
@@ -284,7 +277,3 @@ def _read_size(size: tuple[int, int], width: int, height: int) -> tuple[int, int
     if size[0] * size[1] <= LARGE_PIXELS or times < 2:
         return None
     return round(size[0] / times), round(size[1] / times)
-
-
-def _alpha(photo: Float[Tensor, "h w c"]) -> Float[Tensor, "h w"]:
-    return photo[..., 3].clamp(0, 1)

@@ -18,9 +18,8 @@ from torch import Tensor
 from gsedit.errors import InputError
 from gsedit.formats.limits import MAX_COEFFICIENT, MAX_POSITION, MAX_SIDE, check_lens
 from gsedit.formats.pictures import picture_size
-from gsedit.run.inputs import file_inside, refuse_doubles
+from gsedit.run.inputs import file_inside, refuse_doubles, safe_name
 from gsedit.run.json_files import list_of, number, numbers, object_of, read_json, text
-from gsedit.run.safe_names import safe_name
 from gsedit.views.colmap import read_colmap_points
 from gsedit.views.export_frame import applied_by
 from gsedit.views.photos import (
@@ -43,7 +42,6 @@ _OTHER = {
 }
 """Parameters behind fx, fy, cx and cy, in COLMAP's order."""
 _POINTS = ("sparse_pc.ply", "points3D.ply", "points3d.ply")
-_ORTHONORMAL = 1e-4  # of R^T R: rounding to six decimals stays below 1e-5, a scaled pose does not
 _COEFFICIENTS = (*(f"k{i}" for i in range(1, 7)), "p1", "p2")
 _LENS = {
     **dict.fromkeys(("fl_x", "fl_y", "cx", "cy", "camera_angle_x", "camera_angle_y"), number()),
@@ -109,7 +107,8 @@ def world_to_camera(matrix: Float64[np.ndarray, "4 4"], where: str) -> Float[Ten
     motion by transposing. Raises InputError for a matrix that is no rigid motion."""
     pose, identity = torch.from_numpy(matrix), torch.eye(4, dtype=torch.float64)
     error = (pose[:3, :3].T @ pose[:3, :3] - identity[:3, :3]).abs().max()
-    if error > _ORTHONORMAL or pose[:3, :3].det() < 0 or not torch.equal(pose[3], identity[3]):
+    # rounding to six decimals stays below 1e-5, a scaled pose does not
+    if error > 1e-4 or pose[:3, :3].det() < 0 or not torch.equal(pose[3], identity[3]):
         raise InputError(
             f"{where}: transform_matrix is no rigid motion (a rotation, a translation, 0 0 0 1): "
             "correct it or remove the frame"

@@ -11,12 +11,12 @@ from torch import Tensor
 
 from gsedit.scene.quaternions import even_directions
 
-WAVES = 24
-"""Plane waves that are summed: fewer show stripes on what is wide."""
 
+def noise(points: Float[Tensor, "n 3"], seed: int = 0, waves: int = 24) -> Float[Tensor, " n"]:
+    """Smooth noise with features of about size 1, mean 0 and standard deviation 1.
 
-def noise(points: Float[Tensor, "n 3"], seed: int = 0, waves: int = WAVES) -> Float[Tensor, " n"]:
-    """Smooth noise with features of about size 1, mean 0 and standard deviation 1."""
+    Fewer waves than 24 show stripes on what is wide.
+    """
     generator = torch.Generator().manual_seed(seed)
     directions = torch.from_numpy(even_directions(waves)).to(points)
     lengths = pi * (0.7 + 0.8 * torch.rand(waves, generator=generator))

@@ -34,14 +34,6 @@ DEPTH_STEP = 2
 """Pixels on either side over which depth is compared: single pixels are noise."""
 ABOVE = 30.0
 """Degrees above and below the horizon of the cameras around a scene that has none."""
-SILHOUETTE = 0.1
-"""Step in depth, as a share of it, that is the border of a surface."""
-SMOOTHING_ROUNDS = 2
-"""Means over the nearest neighbors, one after the other."""
-AXIS_PIXELS = 0.25
-"""Weight of a Gaussian's own axis, in pixels of a view: what no view sees is left with it."""
-ALIKE = 8
-"""Power of the cosine between two normals, the weight of a neighbor: edges stay sharp."""
 FAINT = 1e-12
 """Length of a vector that has no direction."""
 ROWS = 1 << 18
@@ -88,7 +80,8 @@ def estimate_normals(
     lit = torch.where(seen.norm(dim=-1, keepdim=True) > FAINT, seen, middle - means)
     own = axes * _sign((axes * lit).sum(-1, keepdim=True))
     away = torch.nn.functional.normalize(means - middle, dim=-1)
-    evidence = seen + AXIS_PIXELS * own - 10 * FAINT * away
+    # what no view sees is left with its own axis
+    evidence = seen + 0.25 * own - 10 * FAINT * away
     return _smoothed(evidence, rows_near(means) if near is None else near)
 
 
@@ -144,7 +137,7 @@ def normals_of_depth(camera: Camera, depth: Float[Tensor, "h w"]) -> Float[Tenso
          depth[middle, ahead], depth[middle, behind]]
     )  # fmt: skip
     low, high = depths.amin(0), depths.amax(0)
-    smooth = (low > 0) & (high - low < SILHOUETTE * low)
+    smooth = (low > 0) & (high - low < 0.1 * low)  # else a border
     across = torch.linalg.cross(rows[0] - rows[1], columns[0] - columns[1])  # faces the camera
     normals[middle, middle] = torch.nn.functional.normalize(across, dim=-1) * smooth[..., None]
     return normals.to(depth)
@@ -180,9 +173,10 @@ def _smoothed(evidence: Float[Tensor, "n 3"], rows: Int[Tensor, "n k"]) -> Norma
     weight = torch.log1p(strength / typical)[:, None]
     unit = evidence / strength.clamp_min(FAINT)[:, None]
     agreement = torch.ones_like(strength)
-    for _ in range(SMOOTHING_ROUNDS if rows.shape[1] else 0):
+    for _ in range(2 if rows.shape[1] else 0):
         near = unit[rows]
-        alike = (near * unit[:, None]).sum(-1, keepdim=True).clamp(0, 1) ** ALIKE
+        # a power of the cosine: edges stay sharp
+        alike = (near * unit[:, None]).sum(-1, keepdim=True).clamp(0, 1) ** 8
         total = weight * unit + (alike * weight[rows] * near).sum(1)
         length = total.norm(dim=-1, keepdim=True)
         all_alike = weight + weight[rows].sum(1)

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import isfinite, radians, sin, tau
-from typing import Literal, get_args
+from typing import get_args
 
 import numpy as np
 import torch
@@ -17,11 +17,10 @@ from torch import Tensor
 
 from gsedit.errors import UsageError
 from gsedit.scene.framing import Bounds
+from gsedit.views import PathKind
 from gsedit.views.dataset import evenly_spaced
 from gsedit.views.orbit import perpendicular, towards
 from rasterizer.camera import Camera, look_at
-
-PathKind = Literal["turntable", "orbit", "spline"]
 
 ARC = 60.0
 """Degrees between the ends of an orbit."""
@@ -30,8 +29,6 @@ KEYS = 24
 CONVERGED = 0.02
 """Least share of the cameras' optical axes that leads across each direction (the smallest
 eigenvalue of their mean projection), for their common point to be known."""
-BEFORE = 0.75
-"""Least share of the cameras that must have that point before them."""
 TURNED = 0.02
 """Least second eigenvalue of the cameras' horizontal axes, of which the mean square is 1: below it
 they all look the same way, and do not say which of two directions is up."""
@@ -128,7 +125,7 @@ def common_point(cameras: Sequence[Camera]) -> Float[Tensor, "3"] | None:
         return None
     point = torch.linalg.solve(mean, (across @ eyes[:, :, None]).mean(0)[:, 0])
     before = (((point - eyes) * ahead).sum(-1) > 0).double().mean()
-    return point if float(before) >= BEFORE else None
+    return point if float(before) >= 0.75 else None  # most cameras have it before them
 
 
 def up_of(cameras: Sequence[Camera]) -> Float[Tensor, "3"]:

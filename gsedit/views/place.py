@@ -23,19 +23,11 @@ from rasterizer.scene import Gaussians
 TURNED_AROUND = 0.5
 """Least length of the mean of the level views that says where pictures are taken from; a ring of
 cameras has 0 and is told from its first camera."""
-NEAR = 1.6
-"""Radius that is lit, in the cameras' distance from what they look at."""
-FADE = 0.35
-"""Share of the radius over which light gives way to tone."""
 ALONE = 0.7
 """Radius, in the cameras' distance, below which nothing is around what they look at."""
-TOLD = 0.02
-"""Least share of what is seen that a person is told of."""
 WHOLE, MARGIN = 0.98, 1.1
 """Share of what is seen that is all of an object without surroundings, and the radius against its
 reach."""
-SEEN_SHARE = 0.85
-"""Share of what is seen that the radius holds, where cameras look at no common point."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +58,7 @@ class Place:
     def trust(self, points: Float[Tensor, "n 3"]) -> Float[Tensor, " n"]:
         """How much each point is lit by geometry, in [0, 1]: 1 near the center, 0 far away."""
         away = (points - self.center.to(points)).norm(dim=-1) / self.radius
-        return ((1 - away) / FADE + 1).clamp(0, 1)
+        return ((1 - away) / 0.35 + 1).clamp(0, 1)  # fades over a third of the radius
 
 
 def place_of(
@@ -89,7 +81,7 @@ def place_of(
         distance = max(float((eyes - center).norm(dim=-1).median()), 0.5 * radius)
     else:
         distance = float((eyes - center).norm(dim=-1).median())
-        radius = min(NEAR * distance, MARGIN * _reach(scene, seen, center, WHOLE))
+        radius = min(1.6 * distance, MARGIN * _reach(scene, seen, center, WHOLE))
     return Place(center, up, _front(cameras, up), distance, radius)
 
 
@@ -100,7 +92,7 @@ def light_note(scene: Gaussians, place: Place, seen: Float[Tensor, " n"] | None)
     far = 1 - place.trust(scene.means.detach().double())
     weight = torch.ones_like(far) if seen is None else seen.double()
     share = float((far * weight).sum() / weight.sum().clamp_min(1e-12))
-    if share < TOLD:
+    if share < 0.02:  # too little to tell a person of
         return None
     return (
         f"{share:.0%} of what is seen is sky or far from the subject, where geometry is not "
@@ -125,14 +117,11 @@ def _seen_ball(
     points = scene.means.detach().double()
     weight = torch.ones(len(points)).double() if seen is None else seen.double()
     center = weighted_quantile(points, weight, 0.5)
-    return center, _reach(scene, seen, center, SEEN_SHARE)
+    return center, _reach(scene, seen, center, 0.85)
 
 
 def _reach(
-    scene: Gaussians,
-    seen: Float[Tensor, " n"] | None,
-    center: Float[Tensor, "3"],
-    share: float,
+    scene: Gaussians, seen: Float[Tensor, " n"] | None, center: Float[Tensor, "3"], share: float
 ) -> float:
     """Radius around a center that holds a share of what is seen."""
     away = (scene.means.detach().double() - center).norm(dim=-1)

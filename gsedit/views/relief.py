@@ -29,10 +29,6 @@ MARGIN = 6
 """Pixels around the part."""
 FEWEST = 24
 """Pixels of a piece of surface: smaller ones are floaters."""
-FAR = 4.0
-"""Distance of the eye from the middle, in extents: rays are parallel, any would do."""
-CUT = 0.002
-"""Share of the centers on either side that the map leaves out: stray ones would widen it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,9 +140,10 @@ def relief_of(
     across = perpendicular(axis)
     along = torch.linalg.cross(axis, across)
     frame = torch.stack((across, along, axis))
-    low, high = ends(part.means.detach().double() @ frame.T, CUT)
+    # stray ones would widen the map
+    low, high = ends(part.means.detach().double() @ frame.T, 0.002)
     center = ((low + high) / 2) @ frame
-    reach = FAR * float((high - low).norm().clamp_min(pixel))
+    reach = 4.0 * float((high - low).norm().clamp_min(pixel))  # rays are parallel: any would do
     height, width = (int(float(side) / pixel) + 2 * MARGIN for side in (high - low)[:2])
     camera = parallel(center, axis, across, pixel, (width, height), reach)
     plain = replace(part, sh=part.sh[:, :1]).detach()

@@ -67,10 +67,8 @@ class ViewConstraints:
 
 SIDE = 10
 """Cells a side of a face: 9 degrees."""
-SAMPLED_GAUSSIANS = 20_000
 WIDE = 0.08
 """Angular radius, radians, about half a cell: wider ones are spread over cells."""
-MOST_WIDE = 300
 BLURRED = 0.06
 """Angular radius, radians, of a splat in which no detail is seen: a 20th of a 70 degree picture."""
 
@@ -107,9 +105,7 @@ class Panorama:
         return (self.log_distance.sum() / self.weight.sum().clamp_min(1e-9)).exp()
 
 
-def draw_sample(
-    scene: Gaussians, generator: torch.Generator, count: int = SAMPLED_GAUSSIANS
-) -> Sample:
+def draw_sample(scene: Gaussians, generator: torch.Generator, count: int = 20_000) -> Sample:
     """`count` Gaussians of a scene, or all if there are fewer."""
     rows = torch.randperm(len(scene), generator=generator)[:count]
     some = scene[rows].to(torch.float32)
@@ -190,7 +186,7 @@ def panorama(sample: Sample, point: Float[Tensor, "3"]) -> Panorama:
     rows = torch.arange(len(cell))
     wide = (radius > WIDE).nonzero()[:, 0]
     wide = wide[(radius[wide].clamp_max(1) ** 2 * sample.depth[wide]).argsort(descending=True)]
-    wide = wide[:MOST_WIDE]
+    wide = wide[:300]
     if len(wide):
         covered, covering, angle = _covered(towards[wide], radius[wide], directions)
         depth[wide] = 0
@@ -273,10 +269,7 @@ def cones(directions: Float[Tensor, "d 3"]) -> Float[Tensor, "d b"]:
 
 
 def find_places(
-    sample: Sample,
-    wish: ViewConstraints,
-    generator: torch.Generator,
-    effort: SearchEffort = EFFORT,
+    sample: Sample, wish: ViewConstraints, generator: torch.Generator, effort: SearchEffort = EFFORT
 ) -> Places:
     """The best places: proposed, then moved at random in three rounds, by ever less.
 

@@ -22,6 +22,7 @@ from rasterizer.scene import Gaussians
 
 OFFSET_PIXELS = 1.0
 """Distance above a surface, in pixels of a map, at which light on it is asked for."""
+
 BIAS_PIXELS, BIAS_SIZES = 1.5, 1.0
 """Least depth behind a surface that is in its shadow, in pixels of the map and in median standard
 deviations of what casts it: less is the surface itself, whose depth is not known better."""
@@ -29,14 +30,11 @@ SMALL_SKY, SHARP = 160, 448
 """Sides of the depth maps of the sky and of suns and lamps, pixels."""
 SKY_DIRECTIONS = 48
 """Evenly spread directions of the whole sphere; those above the ground are the sky."""
-LOWEST_SKY = 0.08
-"""Least height of a direction of the sky, as the sine of its elevation."""
 FAINT_OPACITY, WIDE = 0.3, 0.08
 """Gaussians that cast shadows are more opaque than this, and smaller than this share of the radius:
 others are haze."""
 SUN_RAYS = 6
 """Directions within a sun's disc: their mean is its soft shadow."""
-GOLDEN_ANGLE = 2.399963
 
 
 def open_share(
@@ -103,7 +101,7 @@ def sky_directions(place: Place, count: int = SKY_DIRECTIONS) -> Float[Tensor, "
     """Evenly spread directions of the sky, unit vectors, float64: of `count` those above ground."""
     every = torch.from_numpy(even_directions(count)).double()
     height = every @ place.up
-    return every[height > LOWEST_SKY]
+    return every[height > 0.08]
 
 
 def sun_directions(direction: Float[Tensor, "3"], blur: float) -> Float[Tensor, "r 3"]:
@@ -112,7 +110,7 @@ def sun_directions(direction: Float[Tensor, "3"], blur: float) -> Float[Tensor, 
     along = torch.linalg.cross(direction, across)
     turn = torch.arange(SUN_RAYS, dtype=torch.float64)
     reach = radians(blur) * ((turn + 0.5) / SUN_RAYS).sqrt()
-    angle = GOLDEN_ANGLE * turn
+    angle = 2.399963 * turn  # the golden angle
     offset = angle.cos()[:, None] * across + angle.sin()[:, None] * along
     return torch.nn.functional.normalize(direction + reach[:, None] * offset, dim=-1)
 

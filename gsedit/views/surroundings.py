@@ -100,8 +100,6 @@ FACE_PIXELS = 64
 """Side of the six pictures."""
 LEAST_SEEN = 0.05
 """Share of all directions below which there are no surroundings."""
-NEAR_SHARE = 0.35
-"""Near plane of the six pictures, of the subject's radius: its own remains are not surroundings."""
 FILL_POWER = 3.0
 """Power of the inverse squared angle that weighs what is seen where a hole is filled."""
 FILL_ANGLE = 0.1
@@ -116,8 +114,6 @@ CLIPPED_GAIN = 3.0
 """Factor of clipped light: a bright sky in a picture that is exposed for the ground."""
 ROUGHNESSES = (0.0, 0.15, 0.3, 0.45, 0.6, 0.8, 1.0)
 """Roughness of the prefiltered maps; GGX's alpha is its square."""
-STUDIO_LIGHT = 0.8
-"""Mean light of a studio, against what makes white paper white."""
 BALANCE = 0.8
 """Share of the light's color that white balance takes away."""
 
@@ -155,7 +151,7 @@ def find_surroundings(
     show anything. The subject must not be empty.
     """
     center, radius = middle(scene, subject)
-    near = NEAR_SHARE * radius
+    near = 0.35 * radius  # its own remains are not surroundings
     return light_at(
         scene[~subject], center, near, guess_up(scene) if up is None else up, execution, cameras
     )
@@ -282,7 +278,8 @@ def studio(center: Float[Tensor, "3"], up: Float[Tensor, "3"]) -> Surroundings:
         angle = torch.acos((directions @ towards).clamp(-1, 1))
         light = light + power * torch.sigmoid((size - angle) / 0.05)
     areas = cell_areas(ROWS)
-    light = light * (STUDIO_LIGHT * 4 * pi / (light * areas).sum())
+    # white paper has a mean light of 1, a studio less
+    light = light * (0.8 * 4 * pi / (light * areas).sum())
     radiance = light[..., None].expand(-1, -1, 3).to(center)
     far = torch.full(light.shape, torch.inf, dtype=center.dtype)
     return Surroundings(center, radiance, far, torch.zeros_like(far), studio=True)
@@ -374,8 +371,6 @@ def _lobe(roughness: float) -> Float[Tensor, "m m"]:
     return alpha**2 / spread.square() * cosine.clamp_min(0)
 
 
-SAMPLES = 2000
-"""Gaussians that the factors are fitted to: those that fill the pictures most."""
 PATCHES = 60.0
 """Patches of paint that differ by chance, as many as the samples count for together."""
 PAINT = 0.3
@@ -386,8 +381,6 @@ USUAL_ALBEDO, ALBEDO_SPREAD = 0.35, 0.5
 STIFF, LOOSE = 12.0, 0.5
 """Weight of a factor's squared distance from 1 where the panorama was seen, and where it was not
 or is clipped."""
-LARGEST = 8.0
-"""Largest factor of a direction."""
 SHARPNESS = 20.0
 """Sharpness of a direction's factor over the panorama: half at 15 degrees."""
 
@@ -412,7 +405,7 @@ def as_shaded(
     most = ALBEDOS[-1] * (share @ light)
     if float(((color @ luminance - most) * weight).sum()) > 0:
         return None
-    rows = weight.argsort(descending=True, stable=True)[:SAMPLES]
+    rows = weight.argsort(descending=True, stable=True)[:2000]  # these fill the pictures most
     clipped = ((light - 0.6) / (0.5 * CLIPPED_GAIN)).clamp(0, 1)
     seen = look_up(surroundings.seen[..., None], directions)[:, 0] * (1 - clipped)
     stiff = (LOOSE + (STIFF - LOOSE) * seen).double().numpy()
@@ -449,4 +442,4 @@ def _factors(design: np.ndarray, shown: np.ndarray, stiff: np.ndarray) -> np.nda
         cost = error**2 + (np.log(albedo / USUAL_ALBEDO) / ALBEDO_SPREAD) ** 2
         if cost < least:
             best, least = factors, cost
-    return best.clip(0, LARGEST)
+    return best.clip(0, 8.0)

@@ -25,9 +25,7 @@ from torch import Tensor
 from gsedit.errors import InputError
 from rasterizer.camera import Camera
 
-_ZOOM_MAX = 8.0  # a lens that needs more keeps less than 1/64 of the photo: a fisheye, or nonsense
 _STEPS, _EVERY = 65, 16  # along lines from the center to every 16th border pixel: 65 positions
-_BISECTIONS = 40  # of [1, 8]: far below the last digit of a float32 pixel position
 
 
 class ColmapLens(NamedTuple):
@@ -139,8 +137,9 @@ def distort(xy: Float[Tensor, "*b 2"], ideal: Lens, lens: Lens) -> Float[Tensor,
 
 
 def _smallest_zoom(model: ColmapLens, lens: Lens) -> float:
-    """By bisection, in [1, 8]. Raises InputError where 8 is not enough."""
-    low, high = 1.0, _ZOOM_MAX
+    """By bisection, in [1, 8]. Raises InputError where 8 is not enough, as for a fisheye: less than
+    1/64 of the photo would be left."""
+    low, high = 1.0, 8.0
     if _stays_inside(lens, low):
         return low
     if not _stays_inside(lens, high):
@@ -149,7 +148,7 @@ def _smallest_zoom(model: ColmapLens, lens: Lens) -> float:
             f"lens distortion {model.model} {params} leaves no picture: calibrate again, or "
             "undistort with COLMAP"
         )
-    for _ in range(_BISECTIONS):
+    for _ in range(40):  # below the last digit of a position
         middle = (low + high) / 2
         low, high = (low, middle) if _stays_inside(lens, middle) else (middle, high)
     return high

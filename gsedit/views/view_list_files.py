@@ -20,9 +20,8 @@ import torch
 from gsedit.errors import InputError, UsageError
 from gsedit.formats.limits import check_lens
 from gsedit.run.atomic import atomic_path
-from gsedit.run.inputs import refuse_doubles
+from gsedit.run.inputs import refuse_doubles, safe_name
 from gsedit.run.json_files import read_json
-from gsedit.run.safe_names import safe_name
 from gsedit.views.nerfstudio import TRANSFORMS, world_to_camera
 from gsedit.views.viewpoints import Viewpoint
 from rasterizer.camera import Camera

@@ -11,15 +11,12 @@ from torch import Tensor
 
 from gsedit.errors import InputError
 from gsedit.formats.pictures import as_picture, read_picture, save_picture
-from gsedit.run.inputs import file_inside
-from gsedit.run.safe_names import picture_names
+from gsedit.run.inputs import file_inside, picture_names
 from gsedit.views.dataset import View
 from gsedit.views.image_ops import downscale
 from gsedit.views.viewpoints import Viewpoint
 
 SUFFIXES = (".png", ".jpg", ".jpeg")
-PROPORTIONS = 0.02
-"""Most relative difference of the proportions of a picture and of its view."""
 
 
 class NoPicturesError(InputError):
@@ -55,7 +52,7 @@ def read_view_pictures(
     found: dict[int, Path] = {}
     written = picture_names([viewpoint.name for viewpoint in viewpoints])
     for file in files:
-        index = _view_of(file, folder, viewpoints, written)
+        index = view_of(file.relative_to(folder), [v.name for v in viewpoints], written)
         if index is None:
             continue
         if index in found:
@@ -69,26 +66,23 @@ def read_view_pictures(
     return {index: _fitted(found[index], viewpoints[index]) for index in sorted(found)}
 
 
-def _view_of(
-    file: Path, folder: Path, viewpoints: Sequence[Viewpoint], written: Sequence[str]
-) -> int | None:
-    """The index of the view that a file belongs to; None where it belongs to none. `written`: the
-    names that `write_view_pictures` gives the views."""
-    path = file.relative_to(folder).with_suffix("")
-    names = [Path(viewpoint.name).with_suffix("") for viewpoint in viewpoints]
+def view_of(file: Path, views: Sequence[str], written: Sequence[str] = ()) -> int | None:
+    """The index of the view that a file (relative to its folder) belongs to; None where it belongs
+    to none. `written`: the names that `write_view_pictures` gives the views. Raises InputError
+    where it belongs to several."""
+    path = file.with_suffix("")
+    names = [Path(view).with_suffix("") for view in views]
     stem = re.sub(r"^\d+_", "", path.name)
     matches = (
-        [i for i, name in enumerate(written) if name == file.relative_to(folder).as_posix()],
+        [i for i, name in enumerate(written) if name == file.as_posix()],
         [i for i, name in enumerate(names) if name == path],
         [i for i, name in enumerate(names) if name.name == path.name],
         [i for i, name in enumerate(names) if name.name == stem],
     )
-    views = next((each for each in matches if each), [])
-    if len(views) == 1:
-        return views[0]
-    if views:
-        raise InputError(f"{file}: {len(views)} views are named {path.name}: keep their folders")
-    return None
+    found = next((each for each in matches if each), [])
+    if len(found) > 1:
+        raise InputError(f"{file}: {len(found)} views are named {path.name}: keep their folders")
+    return found[0] if found else None
 
 
 def _fitted(file: Path, viewpoint: Viewpoint) -> Float[Tensor, "h w 3"]:
@@ -96,7 +90,7 @@ def _fitted(file: Path, viewpoint: Viewpoint) -> Float[Tensor, "h w 3"]:
     picture, camera = read_picture(file), viewpoint.camera
     rows, columns, _ = picture.shape
     shape = camera.width / camera.height
-    if abs(columns / rows - shape) > PROPORTIONS * shape:
+    if abs(columns / rows - shape) > 0.02 * shape:
         raise InputError(
             f"{file} is {columns}x{rows} and its view {camera.width}x{camera.height}: their "
             "proportions differ; give pictures of these views"

@@ -21,10 +21,6 @@ from rasterizer.scene import Gaussians
 
 AT_MOST = 64
 """Viewpoints that an edit surveys, of a capture that has more: each costs two renders."""
-CHECK_SIZE = 32
-"""Longer side, pixels, of the render that tells whether a camera sees the scene."""
-SEES = 0.01
-"""Least mean opacity of that render: a camera of another scene, or frame, sees less."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,8 +114,9 @@ def that_see(
     """Those whose picture shows something of the scene: cameras of another scene do not."""
     seeing = []
     for viewpoint in viewpoints:
-        small = viewpoint.camera.fitted(CHECK_SIZE)
-        if float(render(scene, small, execution=execution).alpha.mean()) >= SEES:
+        small = viewpoint.camera.fitted(32)
+        # a camera of another scene, or frame, sees less
+        if float(render(scene, small, execution=execution).alpha.mean()) >= 0.01:
             seeing.append(viewpoint)
     return tuple(seeing)
 
@@ -130,10 +127,6 @@ def rendered(
     """Renders of the scene as a dataset: what an edit works on where there are no photos."""
     cameras, names = [v.camera for v in viewpoints], [v.name for v in viewpoints]
     return Dataset(capture(scene.detach(), cameras, names, execution))
-
-
-TOO_FAR_SHARE = 0.05
-"""A given camera keeps the renderer's near plane where that is at most this share of the radius."""
 
 
 def viewpoints_near(viewpoints: Sequence[Viewpoint], scene: Gaussians) -> tuple[Viewpoint, ...]:
@@ -165,5 +158,5 @@ def dataset_near(dataset: Dataset) -> Dataset:
 
 def _needed(radius: float) -> float | None:
     """None where the renderer's own near plane does, and where a scene has no extent."""
-    too_far = 0 < radius < torch.inf and DEFAULT.near > TOO_FAR_SHARE * radius
+    too_far = 0 < radius < torch.inf and DEFAULT.near > 0.05 * radius
     return NEAR_SHARE * radius if too_far else None

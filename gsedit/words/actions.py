@@ -17,8 +17,7 @@ from gsedit.words.deeds import change_of, side_of
 from gsedit.words.instruction import Change
 from gsedit.words.phrases import DEFINITE, IT, NUMBERED, PRONOUNS, in_letters, object_phrase
 from gsedit.words.refusals import Refused
-from gsedit.words.scan import scanned
-from gsedit.words.tokens import tokens
+from gsedit.words.scan import scanned, tokens
 
 SUFFIX = rf"(?:{'|'.join(map(re.escape, READABLE))})\b"
 FILE = re.compile(rf"\"[^\"]+{SUFFIX}\"|'[^']+{SUFFIX}'|[^\s\"',;]+{SUFFIX}", re.IGNORECASE)

@@ -14,8 +14,7 @@ from gsedit.words.instruction import Change
 from gsedit.words.lexicon import things
 from gsedit.words.phrases import DEFINITE, IT, NOUNS, RELATION, object_phrase
 from gsedit.words.refusals import Refused
-from gsedit.words.scan import Word, scanned
-from gsedit.words.tokens import MARKS, tokens
+from gsedit.words.scan import MARKS, Word, scanned, tokens
 
 Parse = Callable[[list[Word]], list[Change]]
 """Reads the changes that words name."""

@@ -20,8 +20,6 @@ WEATHER = frozenset(("snow", "desert", "bland", "metallic blue"))
 """Names of a color that mean another thing in a sentence."""
 ISH = re.compile(r"^(\w+?)(d?d?ish|y)$")
 ROOTS = {"blu": "blue", "whit": "white", "purpl": "purple", "orang": "orange", "re": "red"}
-FAR = 60.0
-"""CIE 1976 difference from which "apple red" is red, and "salmon pink" still salmon."""
 THINGS = frozenset(("sky", "grass", "leaf", "sea", "dirt", "sand", "stone", "brick"))
 """Names of a color that another color may be said of: "paint the sky purple"."""
 PLAIN = (
@@ -100,7 +98,8 @@ def longest(words: list[str]) -> tuple[int, str] | None:
             after = words[count : count + 1]
             doubled = bool(after) and after[0] in PLAIN and words[count - 1] not in THINGS
             plain = named(after[0]) if doubled else None
-            return count + doubled, plain if plain and distance(color, plain) > FAR else color
+            # "apple red" is red, "salmon pink" still salmon
+            return count + doubled, plain if plain and distance(color, plain) > 60.0 else color
     word = words[0]
     if word in shades() and len(words) > 1:
         rest = longest(words[1:])

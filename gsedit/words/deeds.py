@@ -1,7 +1,7 @@
 """One clause about an object as a change: remove, scale, turn, move, copy, insert; and about what
 lies or grows on things. Loads no torch.
 
-Its patterns, in deeds.txt, are of a whole clause as `gsedit.words.tokens` spells it.
+Its patterns, in deeds.txt, are of a whole clause as `gsedit.words.scan` spells it.
 """
 
 from __future__ import annotations
@@ -24,6 +24,8 @@ SIDED: dict[Side, Side] = {"forward": "front", "back": "behind", "up": "on"}
 """Side of a thing that a way leads to."""
 BARE: tuple[Side, ...] = ("on", "beside")
 """Sides that are said without what they are of."""
+FIRST = ("the first", "the first one", "the original")
+"""Phrases beside a copy of what was there before."""
 TABLE = Path(__file__).with_name("deeds.txt")
 ROWS = [
     (head, text)
@@ -202,7 +204,8 @@ def place_of(text: str) -> Place | None:
             return Place(side)
     for side, pattern in SIDES.items():
         match = re.fullmatch(rf"(?:{pattern}) (.+)", text)
-        if match and (phrase := object_phrase(_spelled(match[1]))):
+        of = match and ("it" if match[1] in FIRST else match[1])
+        if of and (phrase := object_phrase(of)):
             return Place(side, phrase)
     return None
 
@@ -213,11 +216,6 @@ def side_of(text: str, phrase: str) -> Place | None:
         side = SIDED.get(place.side, place.side)
         return None if side == "down" else Place(side, place.of or phrase)
     return next((Place(side, phrase) for side in BARE if re.fullmatch(WAYS[side], text)), None)
-
-
-def _spelled(text: str) -> str:
-    """The phrase of a thing that a place is of: "the first" is what was there."""
-    return "it" if text in ("the first", "the first one", "the original") else text
 
 
 def distance_of(text: str) -> tuple[float | None, bool]:

@@ -66,12 +66,17 @@ def styles() -> dict[str, int]:
     return {name: int(number) for name, _, number in rows}
 
 
+def phrases_of_styles() -> dict[str, list[str]]:
+    """Phrases that ask for each style of the painter, by its name."""
+    rows = rows_of(STYLES)
+    return {value.rpartition(" ")[0]: phrases for kind, value, phrases in rows if kind == "style"}
+
+
 @lru_cache(1)
 def style_words() -> dict[str, str]:
     """Names of styles by the phrases that ask for them, the names among these."""
-    rows = ((value, phrases) for kind, value, phrases in rows_of(STYLES) if kind == "style")
-    own = {each: value.rpartition(" ")[0] for value, phrases in rows for each in phrases}
-    return {name: name for name in styles()} | own
+    asked = phrases_of_styles().items()
+    return {name: name for name in styles()} | {each: name for name, row in asked for each in row}
 
 
 @lru_cache(1)

@@ -8,8 +8,7 @@ from difflib import SequenceMatcher
 
 from gsedit.errors import Said
 from gsedit.words.lexicon import near_styles, sets, style_words, styles
-from gsedit.words.scan import Word
-from gsedit.words.tokens import normalised
+from gsedit.words.scan import Word, normalised
 
 
 class Refused(Exception):

@@ -2,34 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from gsedit.errors import UsageError
 from gsedit.words import lexicon
 from gsedit.words.clauses import NEGATIONS
-from gsedit.words.direct import LIKE
 from gsedit.words.read import read_instruction
 from gsedit.words.refusals import no_style
 from gsedit.words.scan import scanned
 
 
-@dataclass(frozen=True)
-class Style:
-    """A style of the painter."""
-
-    name: str
-    number: int | None
-    """Its number among those of the network; None for that of a picture that is given."""
-
-
-STYLES = {name: Style(name, number) for name, number in lexicon.styles().items()}
-"""All styles by their names."""
-GIVEN = Style(LIKE, None)
-"""The style of a picture that is given beside the sentence."""
-
-
-def styles_asked(sentence: str) -> tuple[Style, ...]:
-    """The styles that a sentence asks for, to be mixed; `GIVEN` for "in the style of this picture".
+def styles_asked(sentence: str) -> tuple[str, ...]:
+    """Names of the styles that a sentence asks for, to be mixed; `LIKE` for that of a picture that
+    is given beside the sentence.
 
     Raises UsageError for a sentence that asks for something else, styles of several parts, or is
     refused.
@@ -37,8 +20,8 @@ def styles_asked(sentence: str) -> tuple[Style, ...]:
     read = read_instruction(sentence)
     told = [each.rpartition(" in the style of ")[2] for each in sentence.split("; ")]
     denied = any(word.kind in NEGATIONS for word in scanned(sentence))
-    if not read.known and not denied and STYLES.keys() >= set(told):
-        return tuple(map(STYLES.__getitem__, told))  # of a part whose name only the scene knows
+    if not read.known and not denied and lexicon.styles().keys() >= set(told):
+        return tuple(told)  # of a part whose name only the scene knows
     if not read.known:
         raise UsageError(f"{sentence.strip()!r}: {read.why}")
     others = [change for change in read.changes if change.route != "style"]
@@ -51,5 +34,4 @@ def styles_asked(sentence: str) -> tuple[Style, ...]:
         )
     if len({change.part for change in read.changes}) > 1:
         raise UsageError(f"{sentence.strip()!r} asks for styles of several parts: say one part")
-    names = dict.fromkeys(change.name for change in read.changes)
-    return tuple(GIVEN if name == LIKE else STYLES[name] for name in names)
+    return tuple(dict.fromkeys(change.name for change in read.changes))

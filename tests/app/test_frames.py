@@ -19,10 +19,10 @@ from gsedit.app.frames import (
     Painter,
     next_side,
     picture,
-    tinted,
 )
 from gsedit.app.tab import camera_of, eye_of
 from gsedit.bench.synthetic import demo_scene, ring_cameras, surface_gaussians
+from gsedit.select.region import tinted
 
 
 @pytest.fixture(scope="module")

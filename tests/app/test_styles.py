@@ -7,7 +7,7 @@ import numpy as np
 import torch
 from plain_scenes import cloud, ring
 
-from gsedit.app.panels.styles import NONE, THUMBNAIL, Styles
+from gsedit.app.panels.say import NONE, THUMBNAIL, Styles
 from gsedit.words.lexicon import styles
 
 

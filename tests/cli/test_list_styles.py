@@ -8,14 +8,14 @@ from command_line import files, gsedit
 from PIL import Image
 
 from gsedit.paper.editors.painter.style_sheet import CELL, COLUMNS
-from gsedit.pictures.captioned import CAPTION, MARGIN
-from gsedit.words.styles import STYLES
+from gsedit.pictures.contact_sheet import CAPTION, MARGIN
+from gsedit.words.lexicon import styles
 
 
 def test_every_style_is_listed_with_what_asks_for_it():
     result = gsedit("list", "styles", "--json")
     listed = [json.loads(line) for line in result.stdout.splitlines()]
-    assert [each["name"] for each in listed] == list(STYLES)
+    assert [each["name"] for each in listed] == list(styles())
     assert all(each["words"] for each in listed)
     assert "starry night" in gsedit("list", "styles").stdout
 
@@ -26,7 +26,7 @@ def test_a_sheet_shows_a_scene_in_every_style(room, tmp_path):
     assert result.exit_code == 0
     assert result.stdout.strip() == str(out)
     assert list(files(tmp_path)) == [out]
-    cells = -(-(len(STYLES) + 1) // COLUMNS)
+    cells = -(-(len(styles()) + 1) // COLUMNS)
     with Image.open(out) as sheet:
         assert sheet.size[0] == MARGIN + COLUMNS * (CELL + MARGIN)
         assert sheet.size[1] == MARGIN + cells * (CELL + CAPTION)

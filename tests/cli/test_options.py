@@ -33,7 +33,7 @@ from gsedit.paper.strategies.single_pass import SinglePass
 Mode = Literal["soft", "hard-edged"]
 FLAGS = {
     "--strategy", "--steps", "--loss", "--views", "--batches", "--geometry", "--condition",
-    "--region", "--disable", "--checkpoint-every", "--kernel", "--brush",
+    "--region", "--disable", "--kernel", "--brush",
 }  # fmt: skip
 """Settings of an edit that have a flag of their own."""
 

@@ -16,8 +16,7 @@ from sampler_runs import zero_terminal_snr
 
 from gsedit.errors import UsageError
 from gsedit.paper.consistency.consensus import consensus, share_noise
-from gsedit.paper.diffusion.guidance import Branches
-from gsedit.paper.diffusion.predictions import as_pair
+from gsedit.paper.diffusion.guidance import Branches, as_pair
 from gsedit.paper.diffusion.sampler import Anchor, levels_of, sample
 from gsedit.paper.diffusion.schedules import Schedule
 from gsedit.paper.diffusion.settings import SamplerSettings

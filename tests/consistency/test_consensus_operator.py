@@ -4,11 +4,7 @@ from __future__ import annotations
 
 import pytest
 import torch
-from walls import (
-    CELL,
-    FOUR,
-    stacked,
-)
+from walls import CELL, FOUR, stacked
 
 from gsedit.errors import UsageError
 from gsedit.paper.consistency.consensus import consensus, share_noise

@@ -8,12 +8,7 @@ import pytest
 import torch
 
 from gsedit.errors import InputError, UsageError
-from gsedit.views.cameras_json import (
-    cameras_file,
-    read_cameras,
-    write_beside,
-    write_cameras,
-)
+from gsedit.views.cameras_json import cameras_file, read_cameras, write_beside, write_cameras
 from gsedit.views.viewpoints import Viewpoint
 from rasterizer import look_at
 

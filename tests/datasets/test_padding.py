@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import torch
 
-from gsedit.views.padding import pad_camera, pad_to_multiple
+from gsedit.views.image_ops import pad_camera, pad_to_multiple
 from rasterizer import Camera
 
 

@@ -17,12 +17,7 @@ from gsedit.paper.diffusion.sampler import levels_of, sample
 from gsedit.paper.diffusion.schedules import Schedule
 from gsedit.paper.diffusion.settings import SamplerSettings
 
-SD = {
-    "beta_start": 0.00085,
-    "beta_end": 0.012,
-    "beta_schedule": "scaled_linear",
-    "steps_offset": 1,
-}
+SD = {"beta_start": 0.00085, "beta_end": 0.012, "beta_schedule": "scaled_linear", "steps_offset": 1}
 DDIM = {**SD, "clip_sample": False, "set_alpha_to_one": False}
 STEPS = 4
 SIGMAS = 2e-6

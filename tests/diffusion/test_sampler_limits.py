@@ -6,10 +6,7 @@ from dataclasses import replace
 
 import pytest
 import torch
-from research.sampler.mixtures import (
-    MixtureProblem,
-    mixture_problem,
-)
+from research.sampler.mixtures import MixtureProblem, mixture_problem
 from sampler_runs import FLOW, SD, SOLVERS, TERMINAL, UNGUIDED, run
 
 from gsedit.errors import UsageError

@@ -8,14 +8,11 @@ from itertools import pairwise
 
 import pytest
 import torch
-from research.sampler.mixtures import (
-    mixture_problem,
-    noised_draw,
-)
+from research.sampler.mixtures import mixture_problem, noised_draw
 from sampler_runs import FLOW, SD, TERMINAL, UNGUIDED, generator, last, pair, rectified_flow, run
 
 from gsedit.errors import UsageError
-from gsedit.paper.diffusion.predictions import as_pair
+from gsedit.paper.diffusion.guidance import as_pair
 from gsedit.paper.diffusion.sampler import levels_of, sample
 from gsedit.paper.diffusion.schedules import CLEAN, Schedule, karras_sigmas
 from gsedit.paper.diffusion.settings import SamplerSettings

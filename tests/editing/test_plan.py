@@ -7,13 +7,7 @@ import torch
 from captures import around, facade, room, statue, statue_with_close_ups
 
 from gsedit import EditSettings
-from gsedit.paper.view_plan import (
-    ViewPlan,
-    plan_views,
-    survey,
-    view_overlap,
-    wholeness,
-)
+from gsedit.paper.view_plan import ViewPlan, plan_views, survey, view_overlap, wholeness
 
 SETTINGS = EditSettings()
 

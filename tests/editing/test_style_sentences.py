@@ -18,9 +18,10 @@ from gsedit.scene.picture import render_picture
 from gsedit.select.finder import Finder, Names
 from gsedit.select.saved import save_named
 from gsedit.views.viewpoints import viewpoints_of
+from gsedit.words.direct import LIKE
 from gsedit.words.lexicon import styles
 from gsedit.words.read import read_instruction
-from gsedit.words.styles import GIVEN, STYLES, styles_asked
+from gsedit.words.styles import styles_asked
 
 PARTS = ("the whole scene", "the subject", "the background", "the red one", "all but the red chair")
 
@@ -93,11 +94,11 @@ def test_a_preview_paints_its_part_alone(half, named):
     assert 0 < apart[0] < apart[1]
 
 
-@pytest.mark.parametrize("name", [*styles(), GIVEN.name])
+@pytest.mark.parametrize("name", [*styles(), LIKE])
 def test_what_a_step_is_called_asks_for_its_style(name):
     for part in PARTS:
         words = f"{part} in the style of {name}"
-        assert styles_asked(words) == (STYLES.get(name, GIVEN),)
+        assert styles_asked(words) == (name,)
         assert [str(change) for change in read_instruction(words).changes] == [
             words.replace("all but", "everything but")
         ]
@@ -105,16 +106,14 @@ def test_what_a_step_is_called_asks_for_its_style(name):
 
 def test_styles_of_one_part_are_mixed_in_one_step():
     (step,) = read_steps("a woodcut and a mosaic")
-    names = [style.name for style in styles_asked(step.text)]
-    assert names == ["woodcut", "stained glass"]
+    assert [*styles_asked(step.text)] == ["woodcut", "stained glass"]
     words = "left leg in the style of woodcut; left leg in the style of comic"
-    assert [style.name for style in styles_asked(words)] == ["woodcut", "comic"]
+    assert [*styles_asked(words)] == ["woodcut", "comic"]
     assert len(read_steps("the bear a woodcut and the background a mosaic")) == 2
 
 
 def test_a_name_that_only_the_scene_knows_does_not_hide_the_style():
-    asked = styles_asked("everything but the left leg in the style of woodcut")
-    assert [style.name for style in asked] == ["woodcut"]
+    assert styles_asked("everything but the left leg in the style of woodcut") == ("woodcut",)
     with pytest.raises(UsageError):
         styles_asked("do not paint the left leg in the style of woodcut")
 

@@ -12,7 +12,7 @@ from gsedit.paper.consistency.correspond import Correspondences
 from gsedit.paper.diffusion.settings import SamplerSettings
 from gsedit.paper.editors import EditBatch
 from gsedit.paper.editors.closed_form import CODE, ClosedForm, Mixture, Perturbation
-from gsedit.paper.editors.looks.recipe import LOOKS, VARIANTS, agreed_variant, parse
+from gsedit.paper.editors.looks import LOOKS, VARIANTS, agreed_variant, parse
 from gsedit.paper.editors.sampling import DiffusionEditor
 
 SIZE = 64
@@ -151,13 +151,7 @@ def test_views_follow_an_anchor(k):
     followed = 0
     for seed in range(4):
         edited = edit(
-            images,
-            "bronze",
-            TO_THE_END,
-            seed,
-            matches=matches,
-            anchored=anchored,
-            originals=views,
+            images, "bronze", TO_THE_END, seed, matches=matches, anchored=anchored, originals=views
         )
         assert torch.equal(edited[0], images[0])
         _, votes = agreed_variant(parse("bronze"), edited, views)
@@ -177,9 +171,8 @@ def test_look_is_evident_and_its_variants_differ(name):
     assert (variants - image).square().mean((1, 2, 3, 4)).sqrt().min() > 0.06
 
 
-@pytest.mark.parametrize("name", sorted(set(LOOKS) - {"sketch", "watercolor"}))
-def test_most_looks_are_pointwise(name):
-    """One surface point gets one color in every view; sketch and watercolor need neighbors."""
+@pytest.mark.parametrize("name", LOOKS)
+def test_looks_are_pointwise(name):
     image = picture()
     shuffled = image.flatten(0, 1)[torch.randperm(SIZE * SIZE, generator=generator())]
     direct = parse(name).variants(shuffled.reshape(1, SIZE, SIZE, 3))

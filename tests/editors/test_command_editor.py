@@ -7,12 +7,7 @@ import sys
 
 import pytest
 import torch
-from programs import (
-    INVERT,
-    batch,
-    leftovers,
-    run,
-)
+from programs import INVERT, batch, leftovers, run
 
 from gsedit.errors import GseditError, InputError, UsageError
 from gsedit.paper.consistency.correspond import Correspondences

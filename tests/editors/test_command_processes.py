@@ -11,16 +11,7 @@ from pathlib import Path
 
 import pytest
 import torch
-from programs import (
-    APART,
-    CHILD,
-    INVERT,
-    batch,
-    ended,
-    leftovers,
-    needs_proc,
-    run,
-)
+from programs import APART, CHILD, INVERT, batch, ended, leftovers, needs_proc, run
 
 from gsedit.bench.synthetic import demo_scene
 from gsedit.errors import GseditError
@@ -30,7 +21,9 @@ from gsedit.errors import GseditError
 def test_a_program_that_takes_too_long_is_ended_with_its_children(program, tmp_path):
     pids = tmp_path / "pids"
     editor = program(CHILD.format(pids=str(pids)), timeout=1.0)
-    with pytest.raises(GseditError, match=r"stopped after 1 s: raise --timeout.*0 of 2 pictures"):
+    with pytest.raises(
+        GseditError, match=r"stopped after 1 s: raise it by --set timeout.*0 of 2 pictures"
+    ):
         run(editor)
     assert ended([int(pid) for pid in pids.read_text().split()])
 

@@ -12,12 +12,7 @@ from gsedit_cli.main import app
 from typer.testing import CliRunner
 
 from gsedit.errors import GseditError, UsageError
-from gsedit.paper.editors import (
-    Editor,
-    list_editors,
-    make_editor,
-    registry,
-)
+from gsedit.paper.editors import Editor, list_editors, make_editor, registry
 
 THEIRS = '''
 from gsedit.paper.editors import Capabilities
@@ -96,9 +91,9 @@ def test_ours_are_listed_with_what_they_need():
     assert ours["closed-form"].ready
     assert not ours["closed-form"].options
     for name in ("pix2pix", "diffusers"):
-        assert ours[name].options == ("--model", "--weights-dir", "--yes", "--runtime")
+        assert ours[name].options == ("--model", "--yes", "--runtime")
     assert "black-forest-labs/FLUX.2-klein-4B" in ours["diffusers"].needs[-1]
-    assert ours["command"].options == ("--run", "--timeout")
+    assert ours["command"].options == ("--run",)
     assert "{input} {output} {prompt}" in ours["command"].needs[0]
     assert all(listing.summary for listing in ours.values())
     assert isinstance(make_editor(), Editor)

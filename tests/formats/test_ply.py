@@ -86,15 +86,7 @@ def as_crowded(table: np.ndarray) -> bytes:
     return start + first.tobytes() + rows.tobytes() + faces
 
 
-LAYOUTS = [
-    as_ascii,
-    as_big_endian,
-    as_double,
-    as_shuffled,
-    as_without_normals,
-    as_crlf,
-    as_crowded,
-]
+LAYOUTS = [as_ascii, as_big_endian, as_double, as_shuffled, as_without_normals, as_crlf, as_crowded]
 
 
 def vertices(path) -> np.ndarray:

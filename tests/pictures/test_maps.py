@@ -10,7 +10,8 @@ import torch
 from scenes import cloud, shell
 
 from gsedit import render_maps
-from gsedit.pictures.maps import LEGEND, MAPS, depth_picture, normal_map, wipe
+from gsedit.pictures import MAPS
+from gsedit.pictures.maps import LEGEND, depth_picture, normal_map, wipe
 from rasterizer import Camera, Gaussians, look_at, render
 
 

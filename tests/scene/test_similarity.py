@@ -95,8 +95,7 @@ def test_similarities_compose_and_invert():
 
 
 @pytest.mark.parametrize(
-    "matrix",
-    [np.diag([1.0, 2.0, 1.0, 1.0]), np.zeros((4, 4)), np.full((3, 4), np.nan), np.eye(3)],
+    "matrix", [np.diag([1.0, 2.0, 1.0, 1.0]), np.zeros((4, 4)), np.full((3, 4), np.nan), np.eye(3)]
 )
 def test_other_matrices_are_refused(matrix):
     with pytest.raises(ValueError, match=r"similarity|shears"):

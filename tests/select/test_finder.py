@@ -10,7 +10,7 @@ import torch
 from PIL import Image
 from point_clouds import cloud
 
-from gsedit.editing.rivals import SeveralObjects, check_alone
+from gsedit.editing.parts import SeveralObjects, check_alone
 from gsedit.select.finder import LEAST, remembered
 from gsedit.select.masked import read_masks
 from gsedit.select.region import Region

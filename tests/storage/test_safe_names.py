@@ -11,7 +11,7 @@ import torch
 
 from gsedit import View
 from gsedit.errors import InputError
-from gsedit.run.safe_names import picture_names, safe_name
+from gsedit.run.inputs import picture_names, safe_name
 from gsedit.views.cameras_json import read_cameras
 from gsedit.views.view_list_files import read_view_list
 from gsedit.views.view_pictures import write_view_pictures

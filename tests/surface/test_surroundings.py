@@ -80,10 +80,7 @@ def test_an_object_alone_gets_a_studio(found):
 
 def test_filters_keep_a_constant_light():
     even = light.Surroundings(
-        CENTER,
-        torch.full((64, 128, 3), 0.4),
-        torch.full((64, 128), 9.0),
-        torch.ones(64, 128),
+        CENTER, torch.full((64, 128, 3), 0.4), torch.full((64, 128), 9.0), torch.ones(64, 128)
     )
     # means of 8192 cells: a random walk of their roundings is 90 long
     assert_near(light.prefiltered(even), torch.full((7, 64, 128, 3), 0.4), 900 * EPS32)

@@ -2,8 +2,7 @@ from collections import Counter
 
 from gsedit.words.direct import LIKE
 from gsedit.words.lexicon import LONGEST, TABLE, names, near_styles, rows_of, style_words, styles
-from gsedit.words.scan import scanned
-from gsedit.words.tokens import tokens
+from gsedit.words.scan import scanned, tokens
 
 EVERY = rows_of(TABLE.with_name("styles.txt"))
 ROWS = [row for row in EVERY if row[0] == "style"]

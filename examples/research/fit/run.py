@@ -15,10 +15,7 @@ from typing import NamedTuple
 
 import torch
 
-from gsedit.bench.results import (
-    markdown_table,
-    write_text,
-)
+from gsedit.bench.results import markdown_table, write_text
 from gsedit.capture.fitting.fit import FitResult, fit_steps
 from gsedit.capture.fitting.settings import QUALITIES, FitSettings
 from gsedit.errors import UsageError

@@ -62,14 +62,7 @@ from gsedit.paper.editors.painter.editor import load_painter
 from research.command import print_message, print_result, run
 from research.painting.arms import ARMS, BASE, LATER, REPAINT, Arm, Bench
 from research.painting.cases import Case, Meter, load_case
-from research.painting.judge import (
-    FIELDS,
-    STRATEGIES,
-    draw,
-    number,
-    read_records,
-    report,
-)
+from research.painting.judge import FIELDS, STRATEGIES, draw, number, read_records, report
 
 STYLES = ("starry night painting", "comic", "wave print", "expressionist")
 CURVED = ("starry night painting", "wave print")

@@ -37,7 +37,7 @@ from gsedit.paper.protocol import EditBatch
 from gsedit.paper.unedited import render_with_depth
 from gsedit.paper.view_plan import random_plan
 from gsedit.views.dataset import View
-from gsedit.views.padding import pad_camera, pad_to_multiple
+from gsedit.views.image_ops import pad_camera, pad_to_multiple
 from rasterizer.numerics import AUTO, SH_DC
 from rasterizer.render import render
 from rasterizer.scene import Gaussians

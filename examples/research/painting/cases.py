@@ -29,6 +29,7 @@ from gsedit.paper.view_plan import plan_views, survey, wholeness
 from gsedit.scene.picture import render_picture
 from gsedit.views.cameras_json import cameras_file, read_cameras
 from gsedit.views.viewpoints import same_size, thinned
+from gsedit.words.lexicon import styles
 from gsedit.words.styles import styles_asked
 from rasterizer.camera import Camera
 from rasterizer.scene import Gaussians
@@ -146,7 +147,7 @@ class Meter:
         if distance is None:
             raise UsageError(f"the perceptual distance is not installed: {INSTALL}")
         self.case, self.distance = case, distance
-        affine = painter.styles[styles_asked(style)[0].number or 0]
+        affine = painter.styles[styles()[styles_asked(style)[0]]]
         alone = [painted(painter.network, case.unedited[i][None], affine) for i in case.held]
         self.truth = torch.cat(alone)
         self.energy = energy(list(self.truth))

@@ -16,8 +16,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.paper.diffusion.guidance import Branches, Need, weights
-from gsedit.paper.diffusion.predictions import Prediction
+from gsedit.paper.diffusion.guidance import Branches, Need, Prediction, weights
 from gsedit.paper.diffusion.schedules import NoiseLevel, Schedule
 from gsedit.paper.diffusion.settings import SamplerSettings
 from gsedit.paper.editors.closed_form import Mixture

@@ -15,8 +15,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from gsedit.paper.consistency.consensus import consensus, share_noise
-from gsedit.paper.diffusion.guidance import Branches, Need
-from gsedit.paper.diffusion.predictions import Prediction
+from gsedit.paper.diffusion.guidance import Branches, Need, Prediction
 from gsedit.paper.diffusion.sampler import add_noise, levels_of, sample
 from gsedit.paper.diffusion.schedules import Schedule
 from gsedit.paper.diffusion.settings import SamplerSettings

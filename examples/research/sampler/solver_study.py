@@ -21,12 +21,7 @@ from gsedit.paper.diffusion.sampler import sample
 from gsedit.paper.diffusion.schedules import NoiseLevel, Schedule, karras_sigmas
 from gsedit.paper.diffusion.settings import SamplerSettings, Solver
 from research.sampler.measurements import SamplerMeasurement, rms
-from research.sampler.mixtures import (
-    MixtureProblem,
-    exact_solution,
-    mixture_problem,
-    noised_draw,
-)
+from research.sampler.mixtures import MixtureProblem, exact_solution, mixture_problem, noised_draw
 
 SOLVERS: tuple[Solver, ...] = ("ddim", "heun", "dpm++2m")
 WIDTHS = (1.0, 1e-1, 1e-2, 1e-3, 1e-4)

@@ -9,14 +9,14 @@ from jaxtyping import Float
 from torch import Tensor
 
 from gsedit.errors import UsageError
+from gsedit.paper.diffusion.guidance import as_pair
 from gsedit.paper.diffusion.guided import predict_guided
-from gsedit.paper.diffusion.predictions import as_pair
 from gsedit.paper.diffusion.sampler import add_noise
 from gsedit.paper.edit_views import batch_of
 from gsedit.paper.editors.sampling import Counted, padded
 from gsedit.paper.protocol import for_settings
 from gsedit.paper.session import Session
-from gsedit.views.padding import pad_to_multiple
+from gsedit.views.image_ops import pad_to_multiple
 from rasterizer.camera import Camera
 from research.strategies.descent import Descent
 

@@ -22,9 +22,6 @@ if TYPE_CHECKING:
     from gsedit.app.page import Page
     from gsedit.app.tab import Box, Pick, Tab
 
-BRIM = 0.01
-"""Share of the radius of the scene's bulk by which Grow and Shrink move the border."""
-
 
 @dataclass(frozen=True)
 class Clicks:
@@ -166,7 +163,7 @@ class Select:
             raise UsageError("nothing is selected: click on an object, or say it")
         if how == "Invert":
             return page.select(~flags, f"all but {page.note}")
-        radius = BRIM * page.loaded.bulk.radius * (1 if how == "Grow" else -1)
+        radius = 0.01 * page.loaded.bulk.radius * (1 if how == "Grow" else -1)
         scene, note = page.scene, page.note
         self.tab.soon(SELECT, lambda: grown(scene, flags, radius), lambda x: page.select(x, note))
 

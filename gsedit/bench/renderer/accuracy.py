@@ -88,8 +88,5 @@ def reference_of(scene: Gaussians, camera: Camera, crop: Box | None = None) -> D
     left, top, width, height = crop or (0, 0, camera.width, camera.height)
     here = slice(top, top + height), slice(left, left + width)
     return differentiate(
-        lambda s, c: render_reference(s, c).color[here],
-        scene.to(torch.float64),
-        camera,
-        pose=True,
+        lambda s, c: render_reference(s, c).color[here], scene.to(torch.float64), camera, pose=True
     )

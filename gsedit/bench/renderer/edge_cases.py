@@ -264,12 +264,8 @@ def _strip(tall: bool) -> Callable[[torch.dtype], RenderInput]:
     return _in_dtype(line, camera(width, height, focal=3500.0))
 
 
-def _ordinary() -> EdgeCase:
-    return EdgeCase("ordinary crowd", "what the errors of the others compare to", _in_dtype(_crowd))
-
-
 EDGE_CASES: tuple[EdgeCase, ...] = (
-    _ordinary(),
+    EdgeCase("ordinary crowd", "what the errors of the others compare to", _in_dtype(_crowd)),
     _one("behind the camera", "its mirror image must not show", gaussian((0.1, 0.1, -2.0))),
     _one("in the camera's plane", "z = 0 divides", gaussian((0.1, 0.0, 0.0))),
     _one("at the near plane", "not drawn: its depth must be greater", _near(0.0)),

@@ -19,13 +19,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.bench.renderer.accuracy import (
-    FIELDS,
-    Draw,
-    differentiate,
-    errors,
-    reference_of,
-)
+from gsedit.bench.renderer.accuracy import FIELDS, Draw, differentiate, errors, reference_of
 from gsedit.bench.results import commit, machine, markdown_table
 from gsedit.bench.synthetic import ring_cameras, surface_gaussians
 from gsedit.bench.synthetic.gallery import columns
@@ -86,8 +80,6 @@ def garden(scale: float, path: Path) -> Workload:
 
 
 GARDEN_SCALES = (1.0, 0.25)
-DSSIM_WEIGHT = 0.2
-"""Weight of DSSIM in the loss of a fit."""
 REFERENCE_SECONDS = 10.0
 """No run of the reference begins after them."""
 RUNS = 7
@@ -223,7 +215,7 @@ def weighted_sum(weights: Float[Tensor, "h w 3"]) -> Loss:
 
 def photometric_loss(photo: Float[Tensor, "h w 3"]) -> Loss:
     """That of a fit; the same for every renderer."""
-    return lambda picture: photometric(picture, photo, DSSIM_WEIGHT, compiled=True)
+    return lambda picture: photometric(picture, photo, 0.2, compiled=True)
 
 
 def measure_case(case: Case, runs: int) -> Iterator[Speed]:

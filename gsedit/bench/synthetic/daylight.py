@@ -17,8 +17,6 @@ GAMMA = 2.2
 """Exponent of the display."""
 SUN_RAYS = 7
 """Directions on a cone around the sun's, which give its shadow a soft edge."""
-SHADOW_STEPS = 96
-"""Most steps of a ray to the light; those that skim a surface longer count as lit."""
 START, HIT, LEAST_STEP = 0.015, 5e-4, 4e-3
 """World units of scenes of size 1: where a ray begins above its point, the distance at which it has
 hit a solid, and its least step."""
@@ -60,7 +58,7 @@ def reaches(
     lit = torch.ones(len(points), dtype=torch.bool)
     rows = torch.arange(len(points))
     along = torch.zeros(len(points), dtype=torch.float64)
-    for _ in range(SHADOW_STEPS):
+    for _ in range(96):  # a ray that skims a surface longer counts as lit
         if not len(rows):
             break
         distance = solid(points[rows] + along[:, None] * direction)

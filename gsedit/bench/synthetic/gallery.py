@@ -127,10 +127,7 @@ def demo_solids() -> tuple[tuple[Sdf, Paint], ...]:
     )
     painted = (
         (bear_fur(), mix(plain((0.62, 0.38, 0.18)), plain((0.86, 0.6, 0.34)), waves(0.22))),
-        (
-            _cream(),
-            mix(plain((0.97, 0.87, 0.7)), plain((0.86, 0.72, 0.52)), waves(0.18)),
-        ),
+        (_cream(), mix(plain((0.97, 0.87, 0.7)), plain((0.86, 0.72, 0.52)), waves(0.18))),
         (_eyes_and_nose(), plain((0.07, 0.06, 0.07))),
         (_scarf(), cloth),
         (

@@ -19,9 +19,6 @@ from rasterizer.camera import Camera
 
 OVERSTEP = 1e-4  # of the scene's radius: a shorter chord may be missed: a silhouette off by 1e-9
 STEPS = 400  # to skim a ball of the scene's radius takes 2 sqrt(2 / OVERSTEP) = 280 steps
-ROOT_STEPS = 60  # regula falsi needs 3-6; a crease at worst halves the bracket
-ROOT_TOLERANCE = 1e-13  # |distance|, world units: a few roundings of coordinates of size 1
-SAME_POINT = 1e-6  # of the scene's radius: what is nearer than this to a point does not hide it
 RAYS = 1 << 15  # points measured at once: their distances stay in a second-level cache
 
 
@@ -84,7 +81,9 @@ class SyntheticScene:
         xy, z = camera.project(points)
         size = xy.new_tensor((camera.width, camera.height))
         visible = (z > 0) & ((xy >= 0) & (xy < size)).all(-1)
-        depth = self._depth(camera, xy[visible], limit=z[visible] - SAME_POINT * self.radius)
+        depth = self._depth(
+            camera, xy[visible], limit=z[visible] - 1e-6 * self.radius
+        )  # not hidden by itself
         visible[visible.clone()] = depth.isinf()
         return visible
 
@@ -207,8 +206,8 @@ def _root(
     """Roots between a and b by regula falsi in the Illinois form; `at_a` and `at_b` are the
     function's values there, of opposite signs, and `b` is the latest estimate.
     """
-    for _ in range(ROOT_STEPS):
-        if float(at_b.abs().max()) < ROOT_TOLERANCE:
+    for _ in range(60):  # regula falsi needs 3 to 6; a crease at worst halves the bracket
+        if float(at_b.abs().max()) < 1e-13:  # a few roundings of coordinates of size 1
             break
         rise = at_b - at_a
         c = torch.where(rise == 0, b, b - at_b * (b - a) / rise)

@@ -22,14 +22,6 @@ from rasterizer.camera import Camera
 from rasterizer.numerics import color_to_sh
 from rasterizer.scene import Gaussians
 
-OVERSAMPLING = 5  # candidates per point: the thinned set is then near saturation
-SHELL = 0.03  # of the radius: half the thickness of the layer that candidates are drawn from
-NEWTON_STEPS = 6  # quadratic: 4 are enough from this shell; else a point lies between two solids
-ON_SURFACE = 1e-9  # world units; candidates that Newton leaves farther off are dropped
-PACKING = 0.75  # least distance / spacing at which thinning leaves about the requested number
-DISC = 0.7  # in-plane standard deviation / spacing: alpha > 0.97 between neighbors
-SINK = 0.38  # depth of the centers under the surface / spacing: see surface_gaussians
-FLATNESS = 0.1  # standard deviation along the normal / in-plane
 OPACITY = 0.985  # below the cap of alpha: at it, float32 and float64 disagree on the gradient
 PROBES = 8  # directions in which a disc is tried against the surface
 OVERHANG = 0.2  # how far, in its radii, a disc may leave the surface at its own rim
@@ -47,7 +39,7 @@ def surface_gaussians(
     count: int,
     generator: torch.Generator,
     sh_degree: int = 0,
-    sink: float = SINK,
+    sink: float = 0.38,  # depth of the centers under the surface, in spacings
 ) -> Gaussians:
     """`count` opaque discs along the surface in its colors, float32; SH above degree 0 is zero.
 
@@ -57,8 +49,9 @@ def surface_gaussians(
     """
     points, spacing = _even_points(scene, count, generator)
     normals = torch.nn.functional.normalize(gradient(scene.sdf, points), dim=-1)
-    radius = _fitting_radius(scene.sdf, points, normals, DISC * spacing)
-    scales = torch.stack((radius, radius, FLATNESS * radius), -1)
+    # alpha is above 0.97 between neighbors
+    radius = _fitting_radius(scene.sdf, points, normals, 0.7 * spacing)
+    scales = torch.stack((radius, radius, 0.1 * radius), -1)
     sh = points.new_zeros((count, (sh_degree + 1) ** 2, 3))
     sh[:, 0] = color_to_sh(scene.albedo(points))
     return Gaussians(
@@ -74,10 +67,10 @@ def _even_points(
     scene: SyntheticScene, count: int, generator: torch.Generator
 ) -> tuple[Float[Tensor, "n 3"], float]:
     """Points spread evenly over the surface, and their spacing in world units."""
-    candidates, area = _candidates(scene, OVERSAMPLING * count, generator)
+    candidates, area = _candidates(scene, 5 * count, generator)
     spacing = sqrt(area / count)
-    # candidates come in random order, so "first come" is a fair draw
-    apart = _first_come(candidates, PACKING * spacing)
+    # candidates come in random order, so "first come" is a fair draw; about `count` are left
+    apart = _first_come(candidates, 0.75 * spacing)
     order = torch.cat((apart.nonzero(), (~apart).nonzero())).squeeze(-1)
     return candidates[order[:count]], spacing
 
@@ -89,7 +82,7 @@ def _candidates(
 
     A thin layer of constant thickness is sampled by volume, then projected along the gradient.
     """
-    shell = SHELL * scene.radius
+    shell = 0.03 * scene.radius
     cube = (2 * scene.radius) ** 3
     batches, accepted, drawn = [], 0, 0
     while accepted < count:
@@ -107,11 +100,11 @@ def _candidates(
 
 def _project(sdf: Sdf, points: Float[Tensor, "m 3"]) -> Float[Tensor, "k 3"]:
     """The points moved onto the surface along the gradient; those that miss it are left out."""
-    for _ in range(NEWTON_STEPS):
+    for _ in range(6):  # Newton: 4 are enough from this shell
         slope = gradient(sdf, points)
         square = (slope * slope).sum(-1, keepdim=True).clamp_min(0.01)  # 0 on a medial axis
         points = points - sdf(points)[..., None] * slope / square
-    return points[sdf(points).abs() < ON_SURFACE]
+    return points[sdf(points).abs() < 1e-9]  # others lie between two solids
 
 
 def _first_come(points: Float[Tensor, "m 3"], distance: float) -> Bool[Tensor, " m"]:

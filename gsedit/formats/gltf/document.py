@@ -22,7 +22,6 @@ GLB_HEADER = struct.Struct("<4sII")
 GLB_CHUNK = struct.Struct("<I4s")
 """Length, kind; then the chunk itself."""
 AGAIN = "it is cut off or damaged, copy or export it again"
-JSON_MAX_BYTES = 64 << 20
 _COMPONENTS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5126: "<f4"}
 """Number types that splats may have, by glTF's component type."""
 _SIZES = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
@@ -72,7 +71,7 @@ class Document:
             at = len(header) + length
             if (magic, version, kind) != (b"glTF", 2, b"JSON") or at > size:
                 raise InputError(f"{path} is no .glb of version 2, or cut off: {AGAIN}")
-            if length > JSON_MAX_BYTES:
+            if length > 64 << 20:
                 raise InputError(f"{path} has {length / 1e6:.0f} MB of JSON: {AGAIN}")
             text, chunk = handle.read(length), handle.read(GLB_CHUNK.size)
         self.buffer = range(0)

@@ -24,22 +24,9 @@ from jaxtyping import Float32
 
 from gsedit.errors import InputError, UsageError
 from gsedit.formats.axes import LUF, from_axes, to_axes
-from gsedit.formats.gltf.document import (
-    AGAIN,
-    GLB_CHUNK,
-    GLB_HEADER,
-    Accessor,
-    Document,
-)
+from gsedit.formats.gltf.document import AGAIN, GLB_CHUNK, GLB_HEADER, Accessor, Document
 from gsedit.formats.quantised import log_scales_of, logits_of
-from gsedit.formats.streams import (
-    AT_ONCE,
-    PROGRAM,
-    Blocks,
-    ReadOptions,
-    SceneHeader,
-    SceneSource,
-)
+from gsedit.formats.streams import AT_ONCE, PROGRAM, Blocks, ReadOptions, SceneHeader, SceneSource
 from gsedit.scene.quaternions import rotation_of
 from gsedit.scene.similarity import IDENTITY, Similarity, similarity_of
 from gsedit.scene.table import SplatTable
@@ -59,10 +46,6 @@ _ABOUT = {
     "projection": "perspective",
 }
 _POINTS, _FLOAT, _BYTE, _ARRAY_BUFFER = 0, 5126, 5121, 34962
-_LONGEST = (1 << 32) - 1
-"""Bytes of a .glb."""
-_DEEPEST = 100
-"""Nodes above one another."""
 
 
 @dataclass(frozen=True)
@@ -156,7 +139,7 @@ def _found(document: Document) -> list[_Splats]:
     while stack:
         index, above, depth = stack.pop()
         node, seen = document.item("nodes", index), seen + 1
-        if depth > _DEEPEST or seen > len(nodes):
+        if depth > 100 or seen > len(nodes):
             raise InputError(f"{document.path}: its nodes go round in a circle: {AGAIN}")
         own = _placed(document, index, node)
         place = own if above is IDENTITY else above if own is IDENTITY else above.after(own)
@@ -333,7 +316,7 @@ def _assemble(
     text = json.dumps(scene).encode()
     text += b" " * (-len(text) % 4)
     length = GLB_HEADER.size + 2 * GLB_CHUNK.size + len(text) + at
-    if length > _LONGEST:
+    if length >= 1 << 32:
         raise UsageError(f"{path}: a .glb ends at 4 GB, the scene needs {length / 1e9:.1f}")
     with path.open("wb") as out:
         out.write(GLB_HEADER.pack(b"glTF", 2, length) + GLB_CHUNK.pack(len(text), b"JSON") + text)

@@ -49,8 +49,6 @@ ELEMENTS_MAX_BYTES = 16 << 20
 hundred bytes."""
 MIP_COMMENTS = ("antialiased 1", "SplatRenderMode: mip")
 """How Postshot and Brush mark a scene that was trained with Mip-Splatting's filter."""
-LOOK_AT = 4096
-"""Rows that tell whether the normals are all zero."""
 
 
 def sh_columns(k: int) -> tuple[tuple[str, str, str], ...]:
@@ -216,7 +214,7 @@ def _normals(path: Path, header: PlyHeader, vertex: PlyElement) -> tuple[str, ..
     names = tuple(name for name in _NORMALS if name in vertex.names)
     if not names or vertex.has_lists or not vertex.count:
         return ()
-    first = next(element_blocks(path, header, "vertex", LOOK_AT))
+    first = next(element_blocks(path, header, "vertex", 4096))  # rows that are all zero tell
     return names if any((first[name] != 0).any() for name in names) else ()
 
 

@@ -31,8 +31,6 @@ _BINS = 1 << 16
 """Bins of the histogram that stands for the values."""
 _COARSE = 1 << 10
 """Bins of the coarse histogram, which tells how many values are near."""
-_ROUNDS = 50
-"""Rounds of Lloyd's iteration; later rounds move little."""
 
 
 def codebook(values: Shaped[np.ndarray, "..."]) -> Float32[np.ndarray, "256"]:
@@ -57,7 +55,7 @@ def codebook(values: Shaped[np.ndarray, "..."]) -> Float32[np.ndarray, "256"]:
     codes = np.interp((np.arange(CODES) + 0.5) / CODES * share[-1], share, ends)
     number = np.concatenate(([0], np.cumsum(counts * weights)))
     total = np.concatenate(([0], np.cumsum(sums * weights)))
-    for _ in range(_ROUNDS):
+    for _ in range(50):  # of Lloyd's iteration; later rounds move little
         borders = np.searchsorted(centers, (codes[:-1] + codes[1:]) / 2)
         borders = np.concatenate(([0], borders, [_BINS]))
         own = np.diff(number[borders])

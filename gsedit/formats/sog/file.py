@@ -25,15 +25,8 @@ from gsedit.errors import InputError
 from gsedit.formats.limits import check_expansion
 from gsedit.formats.quantised import from_smallest_three, logits_of
 from gsedit.formats.sog.encode import ENTRIES_A_ROW, LARGEST_TAG, META, write_sog
-from gsedit.formats.streams import (
-    AT_ONCE,
-    Blocks,
-    ReadOptions,
-    SceneHeader,
-    SceneSource,
-    gather,
-)
-from gsedit.run.inputs import existing_file, file_inside
+from gsedit.formats.streams import AT_ONCE, Blocks, ReadOptions, SceneHeader, SceneSource, gather
+from gsedit.run.inputs import existing_file, file_inside, safe_name
 from gsedit.run.json_files import (
     Check,
     Misfit,
@@ -45,7 +38,6 @@ from gsedit.run.json_files import (
     parse_json,
     text,
 )
-from gsedit.run.safe_names import safe_name
 from gsedit.scene.table import SplatTable
 
 _CUT = "it is cut off or damaged, copy or export it again"
@@ -58,10 +50,6 @@ _BROKEN_PICTURE = (OSError, EOFError, ValueError, SyntaxError, struct.error, zli
 """Errors that Pillow raises for damaged pictures."""
 _SPARE = 1 << 16
 """Pixels that a picture may have above four times those that the scene needs."""
-META_MAX_BYTES = 1 << 20
-_PALETTE_MAX = 1 << 16
-_BYTES_A_ROW = 24
-"""Bytes of the six pictures that have one pixel a Gaussian."""
 _AGAIN = "export it again"
 _NAMES = ("means", "scales", "quats", "sh0", "shN")
 
@@ -90,7 +78,7 @@ def open_source(path: Path, options: ReadOptions) -> SceneSource:
     files = SogFiles(path)
     scene = _scene(files)
     names = [name for each in scene.files.values() for name in each]
-    check_expansion(path, files.size(names), scene.count * _BYTES_A_ROW)
+    check_expansion(path, files.size(names), scene.count * 24)  # six pictures of 4 bytes
     return SceneSource(
         path,
         ".sog" if files.zipped else "SOG folder",
@@ -139,7 +127,7 @@ _META = object_of(
         "shN": _property(
             2,
             bands=number(0, 3, whole=True),
-            count=number(1, _PALETTE_MAX, whole=True),
+            count=number(1, 1 << 16, whole=True),
             codebook=_codebook,
         )
     },
@@ -149,7 +137,7 @@ _META = object_of(
 def _scene(files: SogFiles) -> _Scene:
     """The contents of the meta.json. Raises InputError where they are not what they should be."""
     where = f"{files.path}: {META}"
-    meta = parse_json(files.read(META, META_MAX_BYTES), where, object_of({}), advice=_AGAIN)
+    meta = parse_json(files.read(META, 1 << 20), where, object_of({}), advice=_AGAIN)
     if (version := meta.get("version", 1)) != 2:
         raise InputError(
             f"{files.path} is SOG version {str(version)[:20]}: gsedit reads 2, {_AGAIN}"

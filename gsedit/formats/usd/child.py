@@ -17,8 +17,7 @@ from typing import IO, Any
 import numpy as np
 
 from gsedit.errors import InputError
-from gsedit.run.inputs import file_inside
-from gsedit.run.safe_names import safe_name
+from gsedit.run.inputs import file_inside, safe_name
 
 SCHEMA = "ParticleField3DGaussianSplat"
 DEGREE = "radiance:sphericalHarmonicsDegree"

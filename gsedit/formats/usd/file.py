@@ -7,6 +7,9 @@ files of strangers in C++ and can crash on damaged ones; its memory and the byte
 bounded. Between the two are files of plain numbers. The library holds the scene, and so does
 writing here.
 Source: OpenUSD 26.11, the schemas of UsdVol; openusd.org.
+
+The unit of length and the axis that is up are stated by a stage, and kept by other formats as
+comments: `metersPerUnit 0.01`, `upAxis Z`.
 """
 
 from __future__ import annotations
@@ -18,9 +21,11 @@ import subprocess
 import sys
 import tempfile
 import weakref
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from importlib.util import find_spec
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +34,7 @@ from jaxtyping import Float32
 
 import gsedit
 from gsedit.errors import GseditError, InputError, UsageError
-from gsedit.formats.axes import from_axes, to_axes
+from gsedit.formats.axes import RUB, from_axes, to_axes
 from gsedit.formats.limits import ALWAYS_BYTES
 from gsedit.formats.quantised import LOGIT_MAX, log_scales_of, logits_of
 from gsedit.formats.streams import (
@@ -42,9 +47,73 @@ from gsedit.formats.streams import (
     gather,
 )
 from gsedit.formats.usd.child import COEFFICIENTS, ORIENTATIONS, SCHEMA, WIDTHS
-from gsedit.formats.usd.units import Units, units_in, units_of
 from gsedit.scene.similarity import IDENTITY, Similarity, similarity_of
 from gsedit.scene.table import SplatTable
+
+_METERS, _UP = "metersPerUnit", "upAxis"
+_AXES = {"Y": RUB, "Z": "RFU"}
+"""Axes of a stage by the one that is up: x is right; what is up decides which one is front."""
+
+
+@dataclass(frozen=True)
+class Units:
+    """Facts that a stage states about its space."""
+
+    meters: float = 1.0
+    """Meters in a unit of length; a scene that does not tell counts as one in meters."""
+    up: str = "Y"
+
+    @property
+    def axes(self) -> str:
+        """Name of the axes for `gsedit.formats.axes`."""
+        return _AXES[self.up]
+
+    @property
+    def comments(self) -> tuple[str, ...]:
+        """Comments that say what is not as usual."""
+        meters = (f"{_METERS} {self.meters:.9g}",) if self.meters != 1 else ()
+        return meters + ((f"{_UP} {self.up}",) if self.up != "Y" else ())
+
+
+def units_of(stated: Mapping[str, Any]) -> Units:
+    """The units that a stage states; X as the axis that is up is no more in USD."""
+    meters, up = stated.get(_METERS, 1.0), stated.get(_UP, "Y")
+    known = isinstance(meters, float) and isfinite(meters) and meters > 0
+    return Units(meters if known else 1.0, up if up in ("Y", "Z") else "Y")
+
+
+def units_in(comments: Sequence[str]) -> tuple[Units, list[str]]:
+    """The units that comments state, and the other comments."""
+    meters, up, others = 1.0, "Y", []
+    for comment in comments:
+        name, _, value = comment.partition(" ")
+        if name == _METERS and _number(value) > 0:
+            meters = _number(value)
+        elif name == _UP and value in _AXES:
+            up = value
+        else:
+            others.append(comment)
+    return Units(meters, up), others
+
+
+def rescaled(header: SceneHeader, factor: float | None) -> SceneHeader:
+    """The header of a scene whose lengths were multiplied; None if by what is not known, which
+    leaves a scene that does not tell its unit."""
+    units, others = units_in(header.comments)
+    if units.meters == 1:
+        return header
+    units = replace(units, meters=units.meters / factor if factor else 1.0)
+    return header.replace(comments=(*others, *units.comments))
+
+
+def _number(text: str) -> float:
+    """A finite number; 0 for any other text."""
+    try:
+        value = float(text)
+    except ValueError:
+        return 0.0
+    return value if isfinite(value) else 0.0
+
 
 _TEXT = b"#usda "
 _BINARY = (b"PXR-USDC", b"PK\3\4")

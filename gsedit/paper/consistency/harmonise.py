@@ -34,8 +34,6 @@ TOLERANCE = 0.1
 """Colors that lie this near the agreed one count in full, farther ones less and less: a view's own
 tint is averaged, a view with another edit is outvoted. A tenth of the range: between what editors
 differ in by chance and what two variants of one edit differ in."""
-ROUNDS = 20
-"""Rounds of reweighting; each moves the mean by less than half of the one before."""
 SMOOTHING = 1.0
 """Cells, standard deviation of the blur of a correction. Measured on a painted scene with exact
 depth and cells of a pixel, in RMSE: a true edit is damaged by 0.008 (0.021 without a blur), and one
@@ -100,7 +98,7 @@ def robust_mean(
     mean (Weiszfeld's iteration, smoothed). Groups of one or two rows have their mean.
     """
     weighted = weights[:, None]
-    for _ in range(ROUNDS + 1):
+    for _ in range(21):  # each moves the mean by less than half of the one before
         total = values.new_zeros(count, 1).index_add(0, groups, weighted)
         sums = values.new_zeros(count, values.shape[1]).index_add(0, groups, values * weighted)
         center = sums / total.clamp_min(torch.finfo(values.dtype).tiny)
@@ -156,8 +154,6 @@ SURROUNDINGS_BANDS = (2.0, 8.0)
 surroundings correspond, and less beyond; widths of these surroundings, in bands."""
 EMPTY = 1e-6
 """A blurred mask below it has nothing known near."""
-REWEIGHTINGS = 4
-"""Rounds of reweighting of the robust mean."""
 
 
 class Surface(NamedTuple):
@@ -234,7 +230,7 @@ def _robust_mean(
     """Robust mean of the voters (at least one) at each pixel, as `robust_mean`."""
     given = voters.to(values)
     weights, center = given, values[0]
-    for _ in range(REWEIGHTINGS):
+    for _ in range(4):
         center = (weights * values).sum(0) / weights.sum(0)
         distance = (values - center).square().sum(1, keepdim=True)
         weights = given / (1 + distance / TOLERANCE**2).sqrt()
@@ -258,10 +254,7 @@ def _carried(
 
 def _blur(planes: Float[Tensor, "v c h w"], sigma: float) -> Float[Tensor, "v c h w"]:
     """Gaussian, nothing (0) outside the picture."""
-    radius = max(round(3 * sigma), 1)
-    at = torch.arange(-radius, radius + 1, dtype=planes.dtype)
-    kernel = (-0.5 * (at / sigma) ** 2).exp()
-    kernel = (kernel / kernel.sum()).expand(planes.shape[1], 1, -1)
-    channels = planes.shape[1]
-    rows = F.conv2d(planes, kernel[..., None, :], padding=(0, radius), groups=channels)
-    return F.conv2d(rows, kernel[..., None], padding=(radius, 0), groups=channels)
+    from kornia.filters import gaussian_blur2d
+
+    side = 2 * max(round(3 * sigma), 1) + 1
+    return gaussian_blur2d(planes, side, (sigma, sigma), border_type="constant")

@@ -94,13 +94,7 @@ class FlowScheduler:
         mu = self.mu(tokens)
         return self.levels(settings.step_count, settings.strength, mu=mu)
 
-    def levels(
-        self,
-        steps: int,
-        strength: float = 1.0,
-        *,
-        mu: float = 0.0,
-    ) -> list[NoiseLevel]:
+    def levels(self, steps: int, strength: float = 1.0, *, mu: float = 0.0) -> list[NoiseLevel]:
         """`steps` + 1 falling levels, the last CLEAN.
 
         The line falls from `strength` to its part `1 / steps`, as the pipelines ask. `mu` is not

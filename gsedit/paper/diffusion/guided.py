@@ -12,8 +12,7 @@ from typing import Any
 import torch
 
 from gsedit.errors import UsageError
-from gsedit.paper.diffusion.guidance import Need, Predictor, guide, needed
-from gsedit.paper.diffusion.predictions import Latents
+from gsedit.paper.diffusion.guidance import Latents, Need, Predictor, guide, needed
 from gsedit.paper.diffusion.schedules import NoiseLevel
 from gsedit.paper.diffusion.settings import SamplerSettings
 
@@ -52,11 +51,7 @@ class Guided:
 
 
 def predict_guided(
-    denoiser: Predictor,
-    condition: Any,
-    x: Latents,
-    level: NoiseLevel,
-    settings: SamplerSettings,
+    denoiser: Predictor, condition: Any, x: Latents, level: NoiseLevel, settings: SamplerSettings
 ) -> Latents:
     """One guided prediction, in the dtype of x. Raises UsageError if it is not finite."""
     return Guided(denoiser, condition, settings)(x, level)

@@ -16,7 +16,6 @@ GB = 1e9
 SHARE = 0.5
 """Share of the free memory that is used where no budget is given: the scene and the caller need
 some."""
-UNLIMITED = 1 << 62  # bytes
 
 
 def free_bytes() -> int:
@@ -43,7 +42,7 @@ def _container_bytes(folder: Path = Path("/sys/fs/cgroup")) -> int:
         limit, used = ((folder / name).read_text() for name in ("memory.max", "memory.current"))
         return max(int(limit) - int(used), 0)
     except (OSError, ValueError):  # no such limit, or "max"
-        return UNLIMITED
+        return 1 << 62  # unlimited
 
 
 def most_bytes() -> int:

@@ -17,16 +17,16 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from gsedit.errors import UsageError
-from gsedit.paper.diffusion.guidance import Predictor
-from gsedit.paper.diffusion.guided import Guided, check_finite
-from gsedit.paper.diffusion.predictions import (
+from gsedit.paper.diffusion.guidance import (
     Latents,
     Pair,
     Prediction,
+    Predictor,
     as_pair,
     clean_of,
     noise_of,
 )
+from gsedit.paper.diffusion.guided import Guided, check_finite
 from gsedit.paper.diffusion.schedules import NoiseLevel, Schedule
 from gsedit.paper.diffusion.settings import SamplerSettings
 
@@ -188,11 +188,7 @@ def sample(
 
 
 def _settled(
-    own: Pair,
-    pair: Pair,
-    here: NoiseLevel,
-    previous: PreviousStep | None,
-    agree: Hook | None,
+    own: Pair, pair: Pair, here: NoiseLevel, previous: PreviousStep | None, agree: Hook | None
 ) -> tuple[PreviousStep | None, PreviousStep]:
     """(the step before, as a multistep solver is to see it; this one, to be remembered).
 
@@ -229,11 +225,7 @@ def _agreed(
 
 
 def _predict_agreed(
-    predict: Predict,
-    settings: SamplerSettings,
-    agree: Hook | None,
-    x: Latents,
-    level: NoiseLevel,
+    predict: Predict, settings: SamplerSettings, agree: Hook | None, x: Latents, level: NoiseLevel
 ) -> Pair:
     """Predict and agree at another x_t, as Heun's second prediction needs it."""
     return _agreed(predict(x, level), x, level, settings, agree)

@@ -49,11 +49,9 @@ class Schedule:
     """x_t = (1 - s) x0 + s noise, as rectified flows have it; otherwise a^2 + b^2 = 1."""
 
     @classmethod
-    def scaled_linear(
-        cls, beta_start: float = 0.00085, beta_end: float = 0.012, steps: int = 1000
-    ) -> Schedule:
-        """Betas whose square roots are evenly spaced. The defaults are Stable Diffusion's."""
-        roots = torch.linspace(beta_start**0.5, beta_end**0.5, steps, dtype=torch.float64)
+    def scaled_linear(cls) -> Schedule:
+        """Betas whose square roots are evenly spaced, as Stable Diffusion's."""
+        roots = torch.linspace(0.00085**0.5, 0.012**0.5, 1000, dtype=torch.float64)
         return cls((1 - roots**2).cumprod(0))
 
     @classmethod
@@ -136,12 +134,7 @@ class Schedule:
                 return [level.t for level in self._karras(steps, t_max)]
 
     def levels(
-        self,
-        steps: int,
-        strength: float = 1.0,
-        spacing: Spacing = "leading",
-        *,
-        clean: bool = True,
+        self, steps: int, strength: float = 1.0, spacing: Spacing = "leading", *, clean: bool = True
     ) -> list[NoiseLevel]:
         """`steps` + 1 falling levels: a step leads from one to the next.
 

@@ -39,19 +39,16 @@ import torch.nn.functional as F
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.paper.diffusion.guidance import Branches, Need
-from gsedit.paper.diffusion.predictions import Prediction
+from gsedit.paper.diffusion.guidance import Branches, Need, Prediction
 from gsedit.paper.diffusion.schedules import Schedule
-from gsedit.paper.editors.looks.recipe import VARIANTS, agreed_variant, parse
+from gsedit.paper.editors.looks import VARIANTS, agreed_variant, parse
 from gsedit.paper.protocol import Capabilities, GroundTruth
-from gsedit.views.image_ops import rotate_hue
-from gsedit.views.padding import PadMode
+from gsedit.views.image_ops import PadMode, rotate_hue
 
 CODE = 2  # channels of a cell that encode its variant: a triangle lies in a plane
 CELL_PIXELS = (
     8  # Stable Diffusion's, so that correspondences are met at the size that real weights have
 )
-FIRST_T = 932  # the first time of 20 steps at strength 0.98: where the variants are equally likely
 
 
 def fine_schedule() -> Schedule:
@@ -189,8 +186,9 @@ class ClosedForm:
         offsets = torch.stack([self.encode(variant) for variant in variants]) - base
         offsets[:, :, -CODE:] = self._codes(base)[:, None]
         width = self.distribution.width * self._scale(originals.shape[1:3].numel())
-        # weights pi_k such that from the noised original every variant is as likely as another
-        ab = self.schedule.alpha(FIRST_T)
+        # weights pi_k such that from the noised original every variant is as likely as another, at
+        # the first time of 20 steps at strength 0.98
+        ab = self.schedule.alpha(932)
         variance = width**2 + (1 - ab) / ab
         energy = offsets.flatten(2).double().square().sum(-1).T
         log_weights = (energy / (2 * variance)).log_softmax(-1)
@@ -224,10 +222,7 @@ class ClosedForm:
         )
 
     def find_ground_truth(
-        self,
-        prompt: str,
-        edited: Float[Tensor, "v h w 3"],
-        originals: Float[Tensor, "v h w 3"],
+        self, prompt: str, edited: Float[Tensor, "v h w 3"], originals: Float[Tensor, "v h w 3"]
     ) -> GroundTruth:
         """The unperturbed variant that most views show, of any pictures."""
         recipe = parse(prompt)
@@ -235,10 +230,7 @@ class ClosedForm:
         return partial(recipe.variant, k=agreed)
 
     def encode_edited(
-        self,
-        images: Float[Tensor, "v h w 3"],
-        originals: Float[Tensor, "v h w 3"],
-        prompt: str,
+        self, images: Float[Tensor, "v h w 3"], originals: Float[Tensor, "v h w 3"], prompt: str
     ) -> Float[Tensor, "v c y x"]:
         """Latents of finished edits: each cell's code is that of the variant the view shows."""
         _, votes = agreed_variant(parse(prompt), images, originals)

@@ -20,8 +20,8 @@ Factory = Callable[..., Any]
 Missing = Callable[[], Iterable[str]]
 OFFERED = ("folder", "precision", "yes")
 """Options that are offered to every plugin, and taken by those that have them."""
-UNLISTED = ("folder", "precision")
-"""Options that other parts of the command line give."""
+UNLISTED = ("folder", "precision", "weights_dir", "timeout")
+"""Options that other parts of the command line give, or `--set` alone."""
 
 
 @dataclass(frozen=True)

@@ -33,7 +33,7 @@ from gsedit.paper.protocol import (
     for_settings,
     levels_for,
 )
-from gsedit.views.padding import pad_to, pad_to_multiple, round_up
+from gsedit.views.image_ops import pad_to, pad_to_multiple, round_up
 
 T = TypeVar("T")
 

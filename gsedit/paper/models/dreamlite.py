@@ -19,8 +19,7 @@ from torch import Tensor
 
 from gsedit.formats.pictures import as_picture
 from gsedit.paper.diffusion.flow import FlowScheduler
-from gsedit.paper.diffusion.guidance import Need
-from gsedit.paper.diffusion.predictions import Prediction
+from gsedit.paper.diffusion.guidance import Need, Prediction
 from gsedit.paper.diffusion.schedules import NoiseLevel
 from gsedit.paper.diffusion.settings import SamplerDefaults, SamplerSettings
 from gsedit.paper.models.loading import Parts
@@ -33,7 +32,6 @@ INSTRUCTION = (
     "[Edit]: A diptych with two side-by-side images of the same scene. "
     "Compared to the right side, the left one has {}"
 )
-TRAINED_CELLS = 128  # sides of the pictures that it was trained on, in latent cells
 DEFAULTS = SamplerDefaults(guidance_text=3.5, guidance_image=1.5, steps=30, solver="euler")
 MOBILE_DEFAULTS = SamplerDefaults(
     guidance_text=1.0, guidance_image=1.0, t_end=1.2, steps=4, solver="euler"
@@ -46,8 +44,6 @@ SYSTEM = (
     "Generate a new image that meets the user's requirements while maintaining consistency with "
     "the original input where appropriate."
 )
-SYSTEM_TOKENS = 64
-"""Tokens before the user's words: the same in every request, and no part of the features."""
 PICTURE = "<|image_pad|>"
 
 
@@ -93,7 +89,8 @@ class Reader:
             mm_token_type_ids=(ids == pad).int(),
             use_cache=False,
         )
-        return output.last_hidden_state[:, SYSTEM_TOKENS:].float()
+        # the 64 tokens of the system's words are the same in every request
+        return output.last_hidden_state[:, 64:].float()
 
     def _ids(self, patches: int, text: str) -> Tensor:
         """Token numbers of the request, with as many places as the picture has merged patches."""
@@ -149,7 +146,7 @@ class DreamLite(Model):
 
     @property
     def size(self) -> int:
-        return TRAINED_CELLS * self.cell
+        return 128 * self.cell  # the sides that it was trained on
 
     def excess(self, prompt: str) -> int:
         return self.reader.excess(prompt)

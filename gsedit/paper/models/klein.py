@@ -16,8 +16,7 @@ from torch.nn.functional import pixel_shuffle, pixel_unshuffle
 
 from gsedit.errors import UsageError
 from gsedit.paper.diffusion.flow import FlowScheduler, check_spacing, empirical_mu
-from gsedit.paper.diffusion.guidance import Need
-from gsedit.paper.diffusion.predictions import Latents, Prediction
+from gsedit.paper.diffusion.guidance import Latents, Need, Prediction
 from gsedit.paper.diffusion.schedules import NoiseLevel
 from gsedit.paper.diffusion.settings import SamplerDefaults, SamplerSettings
 from gsedit.paper.models.loading import Parts
@@ -28,8 +27,6 @@ LENGTH = 512
 """Tokens of an instruction, with those of the chat around it."""
 LAYERS = (9, 18, 27)
 """Layers of the text encoder whose outputs are the instruction's features."""
-REFERENCE = 10
-"""Position of the unedited picture on the first axis, where the noised one is at 0."""
 DISTILLED = SamplerDefaults(guidance_text=1.0, guidance_image=1.0, steps=4, solver="euler")
 """t_end is Stable Diffusion's, a guess here: 3 of the 4 steps are above it."""
 GUIDED = SamplerDefaults(guidance_text=4.0, guidance_image=1.0, steps=50, solver="euler")
@@ -135,7 +132,8 @@ class Klein(Model):
             reference,
             torch.full((views,), t, dtype=torch.float32).to(dtype) / 1000,  # as the pipeline rounds
             text.to(dtype).expand(views, -1, -1),
-            torch.cat((_places(0, x), _places(REFERENCE, x)[: reference.shape[1]])),
+            # on the first axis, the unedited picture is at 10 and the noised one at 0
+            torch.cat((_places(0, x), _places(10, x)[: reference.shape[1]])),
         )
         return unpacked(out.to(x.dtype), x.shape[2] // 2, x.shape[3] // 2)
 

@@ -123,7 +123,9 @@ class Parts:
                 feature_extractor=None,
             )  # fmt: skip
             pipeline.vae.float()
-            meta = [name for name in family.networks if _lacks(getattr(pipeline, name))]
+            networks = {name: getattr(pipeline, name) for name in family.networks}
+            # those of which some weights are in no file
+            meta = [k for k, net in networks.items() if any(w.is_meta for w in net.parameters())]
         if meta:
             raise InputError(
                 f"{file} lacks weights of {folder / meta[0]}/config.json: the two are of different "
@@ -218,11 +220,6 @@ class Parts:
 
 def _frozen(network: Any) -> Any:
     return network.eval().requires_grad_(False)  # score distillation needs no gradients of weights
-
-
-def _lacks(network: Any) -> bool:
-    """Whether some of its weights are in no file."""
-    return any(each.is_meta for each in network.parameters())
 
 
 @contextmanager

@@ -15,12 +15,11 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from gsedit.errors import UsageError
-from gsedit.paper.diffusion.guidance import Branches, Need
-from gsedit.paper.diffusion.predictions import Latents, Prediction
+from gsedit.paper.diffusion.guidance import Branches, Latents, Need, Prediction
 from gsedit.paper.diffusion.schedules import Schedule
 from gsedit.paper.models.runtime import Runtime, in_torch
 from gsedit.paper.protocol import Capabilities
-from gsedit.views.padding import PadMode
+from gsedit.views.image_ops import PadMode
 
 F = TypeVar("F")
 
@@ -166,10 +165,7 @@ class Model(ABC):
             )
 
     def encode_edited(
-        self,
-        images: Float[Tensor, "v h w 3"],
-        originals: Float[Tensor, "v h w 3"],
-        prompt: str,
+        self, images: Float[Tensor, "v h w 3"], originals: Float[Tensor, "v h w 3"], prompt: str
     ) -> Latents:
         """As encode: these latents are of the picture alone."""
         return self.encode(images)

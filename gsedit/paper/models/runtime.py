@@ -45,8 +45,6 @@ MAX_ERROR_FLOAT32 = 1e-3
 """Relative RMS error up to which `Faster` takes float32 of OpenVINO; it has 4e-6."""
 MOST_BYTES = 24_000_000_000
 """Largest cache of graphs: two networks of 2.6 billion weights (SDXL) in float32."""
-LEAST_FREE = 2.0
-"""Free bytes of the disk for each byte to be written: a cache must not fill a disk."""
 
 Forward = Callable[..., Tensor]
 """(network, tensors...) -> tensor: a module-level function, with no other inputs or state."""
@@ -242,7 +240,8 @@ def keep(key: str, size: int, write: Callable[[Path], None]) -> Path:
     for graph in sorted(folder.iterdir(), key=lambda each: each.stat().st_mtime):
         if cached_bytes() + size > MOST_BYTES:
             shutil.rmtree(graph, ignore_errors=True)
-    if size > MOST_BYTES or LEAST_FREE * size > shutil.disk_usage(folder).free:
+    # a cache must not fill a disk
+    if size > MOST_BYTES or 2 * size > shutil.disk_usage(folder).free:
         raise OSError("there is no room for it")
     begun = Path(tempfile.mkdtemp(prefix=".begun-", dir=folder))
     try:

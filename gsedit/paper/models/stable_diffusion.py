@@ -17,8 +17,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from gsedit.errors import InputError
-from gsedit.paper.diffusion.guidance import Need
-from gsedit.paper.diffusion.predictions import Prediction
+from gsedit.paper.diffusion.guidance import Need, Prediction
 from gsedit.paper.diffusion.schedules import NoiseLevel, Schedule
 from gsedit.paper.diffusion.settings import SamplerDefaults, SamplerSettings
 from gsedit.paper.models.hub import SDXL
@@ -26,8 +25,6 @@ from gsedit.paper.models.loading import Parts, explained
 from gsedit.paper.models.model import Model, TextNetwork, tokens_over, words
 from gsedit.paper.protocol import Capabilities
 
-XL_GUIDANCE = 5.0
-"""The instruction's weight that diffusers' pipeline of SDXL has as its default."""
 SCHEDULERS = (
     "DDIMScheduler", "DDPMScheduler", "PNDMScheduler", "LMSDiscreteScheduler",
     "EulerDiscreteScheduler", "EulerAncestralDiscreteScheduler", "HeunDiscreteScheduler",
@@ -246,7 +243,8 @@ def load(parts: Parts, *, micro_batch: int) -> Pix2Pix:
         ),
         schedule=noise.schedule,
         predicts=noise.predicts,
-        defaults=noise.defaults._replace(guidance_text=XL_GUIDANCE) if is_xl else noise.defaults,
+        # 5 is the default of diffusers' pipeline of SDXL
+        defaults=noise.defaults._replace(guidance_text=5.0) if is_xl else noise.defaults,
         to_clean=noise.to_clean,
         micro_batch=micro_batch,
         zeros_for_empty=parts.index.get("force_zeros_for_empty_prompt", True),

@@ -75,9 +75,7 @@ def splats_of(scene: Gaussians) -> Splats:
 
 
 def make_layers(
-    before: Gaussians,
-    after: Gaussians | None = None,
-    region: Bool[Tensor, " m"] | None = None,
+    before: Gaussians, after: Gaussians | None = None, region: Bool[Tensor, " m"] | None = None
 ) -> list[Layer]:
     """The layers of one or two scenes, none of them empty.
 

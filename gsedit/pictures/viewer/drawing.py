@@ -114,8 +114,6 @@ def limits(attributes: list[Attribute]) -> tuple[float, float]:
     return float(low), float(high)
 
 
-MOST_ELLIPSOIDS = 20_000
-"""Each is 80 triangles: in software OpenGL, so many take 10 to 15 times as long as their points."""
 ELLIPSOID_RADIUS = 2.0
 """Standard deviations: where a Gaussian has 14 % of its opacity left."""
 SPARSE_COLOR = (230, 90, 20)
@@ -268,15 +266,14 @@ def _add_panel(
     return actor.mapper if actor else None
 
 
-def ellipsoids(
-    scene: Gaussians, most: int = MOST_ELLIPSOIDS
-) -> tuple[Float[np.ndarray, "v 3"], np.ndarray]:
+def ellipsoids(scene: Gaussians) -> tuple[Float[np.ndarray, "v 3"], np.ndarray]:
     """Vertices, and triangles of indices into them, of the Gaussians' surfaces at ELLIPSOID_RADIUS
-    standard deviations. Raises UsageError for more than `most` Gaussians.
+    standard deviations. Raises UsageError for more than 20,000, which take
+    10 times as long as their points in software OpenGL.
     """
-    if len(scene) > most:
+    if len(scene) > 20_000:
         raise UsageError(
-            f"{len(scene):,} ellipsoids are too many to draw (at most {most:,}): select "
+            f"{len(scene):,} ellipsoids are too many to draw (at most 20,000): select "
             "fewer with --selection FLAGS.npy, or raise --min-opacity"
         )
     sphere = import_pyvista().Icosphere(radius=ELLIPSOID_RADIUS, nsub=1)
@@ -322,6 +319,8 @@ def _add_bar(plotter: Any, mapper: Any, shown: Attribute, look: Look) -> None:
 
 SHARE = 0.06
 """Length of a pyramid in the extent of the cameras, or of the scene where there is one camera."""
+
+
 EDGES = ((0, 1), (0, 2), (0, 3), (0, 4), (1, 2), (2, 3), (3, 4), (4, 1))
 """Edges of a pyramid: its tip is corner 0, the corners of its picture are 1 to 4."""
 

@@ -10,7 +10,7 @@ import torch
 from changes import painted
 
 from gsedit.bench.synthetic import demo_scene, ring_cameras, surface_gaussians
-from gsedit.editing.tone import TONES, tone_map
+from gsedit.editing.painters import TONES, tone_map
 from gsedit.errors import UsageError
 from gsedit.scene.color_space import LUMINANCE
 from gsedit.select.region import everything

@@ -8,12 +8,7 @@ import diffusers
 import pytest
 import torch
 from closeness import NETWORK, assert_near
-from model_laws import (
-    PROMPT,
-    consensus_law_holds,
-    micro_batches_change_nothing,
-    views_do_not_mix,
-)
+from model_laws import PROMPT, consensus_law_holds, micro_batches_change_nothing, views_do_not_mix
 from model_runs import (
     as_files,
     assert_deviations_shrink,

@@ -53,7 +53,7 @@ class Command:
 
     def __post_init__(self) -> None:
         if self.timeout is not None and not self.timeout > 0:
-            raise UsageError(f"--timeout must be more than 0 seconds, not {self.timeout:g}")
+            raise UsageError(f"timeout must be more than 0 seconds, not {self.timeout:g}")
         split_command(self.run)
 
     def check(self, prompt: str) -> None:
@@ -82,7 +82,7 @@ class Command:
             exchange = new_exchange(self.folder, [f"{view:03d}.png" for view in free])
             self._write(exchange, batch, free)
             arguments = self._arguments(batch, exchange)
-            advice = "raise --timeout or lower --views"
+            advice = "raise it by --set timeout=SECONDS, or lower --views"
             for finished in run_in(exchange, arguments, self.timeout, advice):
                 yield EditProgress(finished, len(free) + 1)
             edited[free] = exchange.read(*batch.images.shape[1:3]).to(edited)

@@ -33,7 +33,6 @@ from gsedit.paper.editors.command import EXAMPLE
 
 FIELDS = ("input", "output", "prompt", "seed", "renders", "masks", "python")
 POLL = 0.1  # seconds between looks at a program, which works for seconds at least
-GRACE = 3.0  # seconds between asking a program to stop and killing it
 
 
 def split_command(run: str, known: Sequence[str] = FIELDS, example: str = EXAMPLE) -> list[str]:
@@ -129,7 +128,7 @@ def _end(program: subprocess.Popen[bytes]) -> None:
     try:
         _send(program, signal.SIGTERM)
         with suppress(subprocess.TimeoutExpired):
-            program.wait(GRACE)
+            program.wait(3.0)  # before it is killed
     finally:
         _send(program, getattr(signal, "SIGKILL", signal.SIGTERM))
         program.wait()
@@ -144,8 +143,6 @@ def _send(program: subprocess.Popen[bytes], number: int) -> None:
 
 
 # ---- the folders ---------------------------------------------------------------------------------
-
-QUOTED = 5  # last lines of a failed program's output
 
 
 @dataclass(frozen=True)
@@ -186,7 +183,7 @@ class Exchange:
         """The end of what the program wrote on stderr, or else on stdout, on one line."""
         for path in (self.stderr, self.stdout):
             with path.open(encoding="utf-8", errors="replace") as file:
-                lines = deque((line.strip() for line in file if line.strip()), QUOTED)
+                lines = deque((line.strip() for line in file if line.strip()), 5)
             if lines:
                 return f"it said: {' | '.join(lines)}"
         return "it said nothing"

@@ -21,7 +21,6 @@ from gsedit.errors import GseditError, UsageError
 
 KEY = "GSEDIT_API_KEY"
 LARGEST_REPLY = 64_000_000  # bytes: an edited picture takes a few million
-PIECE = 1 << 16  # bytes of a reply that are read at once
 QUOTED = 100  # characters of a reply in a message
 
 
@@ -109,7 +108,7 @@ def _read_until(reply: Any, deadline: float) -> bytes:
     never run into it. Raises TimeoutError after the deadline.
     """
     found = bytearray()
-    while len(found) <= LARGEST_REPLY and (piece := reply.read1(PIECE)):
+    while len(found) <= LARGEST_REPLY and (piece := reply.read1(1 << 16)):
         found += piece
         if time.monotonic() > deadline:
             raise TimeoutError

@@ -16,15 +16,25 @@ from torch import Tensor
 
 from gsedit.errors import Said, UsageError
 from gsedit.paper.diffusion.settings import SamplerSettings
-from gsedit.paper.editors.painter.network import CELL, Affine, Moments, PaintNetwork, mixed, padded
+from gsedit.paper.editors.painter.network import (
+    CELL,
+    Affine,
+    Moments,
+    PaintNetwork,
+    hold,
+    mixed,
+    padded,
+    weights_of,
+)
 from gsedit.paper.editors.painter.picture_style import (
     load_picture_styles,
     read_style_picture,
     style_of,
 )
-from gsedit.paper.editors.painter.weights import hold, weights_of
 from gsedit.paper.protocol import Capabilities, EditBatch, EditProgress
 from gsedit.scene.color_space import LUMINANCE
+from gsedit.words.direct import LIKE
+from gsedit.words.lexicon import styles
 from gsedit.words.styles import styles_asked
 
 WEIGHTS = Path(__file__).with_name("styles.safetensors")
@@ -121,11 +131,11 @@ class Painter:
     def _style(self, prompt: str) -> tuple[Affine, ...]:
         """The affine maps that a sentence asks for. Raises UsageError."""
         asked = styles_asked(prompt)
-        numbers = [style.number for style in asked if style.number is not None]
+        numbers = [styles()[name] for name in asked if name != LIKE]
         if not self.like and len(numbers) < len(asked):
             raise UsageError(Said(f"{prompt!r} names no picture", "like"))
         if self.like and numbers:
-            raise UsageError(Said(f"{asked[0].name} is not the style of {self.like}", "unlike"))
+            raise UsageError(Said(f"{asked[0]} is not the style of {self.like}", "unlike"))
         return mixed([self.styles[k] for k in numbers or [0]], [1.0] * max(len(numbers), 1))
 
 

@@ -7,8 +7,10 @@ and offset of each normalised channel, and all share the convolutions. `v` pictu
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from itertools import repeat
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import torch
@@ -16,7 +18,8 @@ import torch.nn.functional as F
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from gsedit.views.padding import pad_to_multiple
+from gsedit.errors import InputError
+from gsedit.views.image_ops import pad_to_multiple
 
 CELL = 4
 """Pixels of a position of the bottleneck: two convolutions of stride 2 come before it."""
@@ -146,3 +149,31 @@ def _mean_square(x: Float[Tensor, "v c y x"], pooled: bool) -> Float[Tensor, "n 
     """As torch.var_mean would say of centred numbers, but twenty times as quick."""
     squares = torch.linalg.vector_norm(x.flatten(2), dim=2).square() / x[0, 0].numel()
     return (squares.mean(0, keepdim=True) if pooled else squares)[..., None, None]
+
+
+@contextmanager
+def weights_of(path: Path) -> Iterator[dict[str, Tensor]]:
+    """Weights by name, float32: those of 8 bits in the file times the scales of their channels.
+
+    InputError is raised where the file is missing or damaged, and for whatever is raised meanwhile.
+    """
+    from safetensors.torch import load_file
+
+    try:
+        held = load_file(path)
+        for name in [each for each in held if each.endswith(".scale")]:
+            weight = f"{name.removesuffix('.scale')}.weight"
+            channels = held[weight].movedim(0, -1)
+            held[weight] = (channels * held.pop(name)).movedim(-1, 0).contiguous()
+        yield held
+    except Exception as error:  # safetensors and torch raise their own, without a common base
+        reason = next(iter(str(error).strip().splitlines()), type(error).__name__)
+        raise InputError(
+            f"{path} does not hold the painter's weights ({reason}): install gsedit again"
+        ) from error
+
+
+def hold(network: nn.Module, weights: dict[str, Tensor]) -> None:
+    """Give a network, made on the device "meta", its weights, of which none will learn."""
+    network.load_state_dict(weights, assign=True)
+    network.eval().requires_grad_(False)

@@ -17,8 +17,7 @@ from torch import Tensor, nn
 
 from gsedit.errors import UsageError
 from gsedit.formats.pictures import fitted_size, read_photo, turned_size
-from gsedit.paper.editors.painter.network import Affine, PaintNetwork
-from gsedit.paper.editors.painter.weights import hold, weights_of
+from gsedit.paper.editors.painter.network import Affine, PaintNetwork, hold, weights_of
 
 WEIGHTS = Path(__file__).with_name("picture_style.safetensors")
 SIDE = 256
@@ -31,8 +30,6 @@ VECTOR = 100
 """Numbers that a style is told by."""
 STAGES = ((16, 1, 1), (24, 2, 2), (32, 3, 2), (64, 4, 2), (96, 3, 1), (160, 3, 2), (320, 1, 1))
 """Stages of the MobileNetV2: channels, blocks, and the stride of the first block."""
-EXPANSION = 6
-"""Channels within a block over those before it; 1 in the first."""
 STYLED = (*(32,) * 10, 16, 8, 3)
 """Channels of each layer of the painting network that has a style."""
 
@@ -64,7 +61,7 @@ class StylePredictor(nn.Module):
         inputs = 32
         for outputs, count, stride in STAGES:
             for k in range(count):
-                expansion = EXPANSION if self.blocks else 1
+                expansion = 6 if self.blocks else 1
                 self.blocks.append(Block(inputs, outputs, 1 if k else stride, expansion))
                 inputs = outputs
         self.last = nn.Conv2d(inputs, 1280, 1)

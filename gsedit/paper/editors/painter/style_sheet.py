@@ -11,7 +11,7 @@ from torch import Tensor
 from gsedit.formats.pictures import as_picture
 from gsedit.paper.editors.painter.editor import load_painter
 from gsedit.paper.editors.painter.network import painted
-from gsedit.pictures.captioned import captioned
+from gsedit.pictures.contact_sheet import captioned
 from gsedit.scene.picture import render_picture
 from gsedit.views.around import score_render
 from gsedit.views.dataset import evenly_spaced
@@ -36,9 +36,7 @@ def style_sheet(scene: Gaussians, viewpoints: Sequence[Viewpoint]) -> Image.Imag
     return captioned([(name, as_picture(picture)) for name, picture in cells], COLUMNS)
 
 
-def in_every_style(
-    picture: Float[Tensor, "h w 3"],
-) -> Iterator[tuple[str, Float[Tensor, "h w 3"]]]:
+def in_every_style(picture: Float[Tensor, "h w 3"]) -> Iterator[tuple[str, Float[Tensor, "h w 3"]]]:
     """Each style's name, and the picture painted in it.
 
     Raises InputError where the painter's weights are missing or damaged.

@@ -1,1 +1,0 @@
-"""Looks: what the words of an instruction do to colors, in three variants each."""
