@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from gsedit.measures.decibels import psnr_from_rmse
-from gsedit.run.stopwatch import Stopwatch
+from gsedit.run.stopwatch import Stopwatch, duration
 
 from .console import as_json, print_json, print_message, shown
 
@@ -101,7 +101,7 @@ def plain_line(event: Event, first: Event) -> str:
     left = ""
     if event.step > first.step and event.steps > event.step:
         pace = (event.seconds - first.seconds) / (event.step - first.step)
-        left = f"about {(event.steps - event.step) * pace:.0f} s left"
+        left = f"about {duration((event.steps - event.step) * pace)} left"
     return f"[{event.seconds:.0f} s] {event.stage}{count} {summary(event)} {left}"
 
 

@@ -10,6 +10,7 @@ from gsedit.paper.edit_views import batch_of
 from gsedit.paper.protocol import Cost
 from gsedit.paper.request import asks_editor, fits_pictures
 from gsedit.paper.session import Session
+from gsedit.run.stopwatch import duration
 
 BRANCHES = 2.5
 """Branches a step from which sharing guidance halves the time: it leaves 1.4."""
@@ -82,10 +83,3 @@ def cheaper(cost: Cost) -> str:
     if cost.steps >= MANY_STEPS:
         return f"--steps {cost.steps // 2}"
     return ""
-
-
-def duration(seconds: float) -> str:
-    """A time for a person: 40 s, 12 min, 3.5 h."""
-    if seconds < 90:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
