@@ -253,13 +253,15 @@ class _Mapping:
         database, key = yield from self._features(attempt)
         request = {"database": str(database), "names": names}
         common = (yield from self.stages.run("pairs", key, request))["common"]
-        pairs, order, of_features = choose(common), ranked(common), key
+        pairs, order, of_features, verified = choose(common), ranked(common), key, -1
         while True:
             database, key = yield from self._match(database, of_features, pairs, attempt)
             assert self.evidence is not None
             fault, posed = hopeless(self.evidence), {}
+            if verified == (verified := len(self.evidence.pairs)):
+                return fault
             if not fault:
-                models, key = yield from self._map(database, key, attempt)
+                models, key = yield from self._map(database, key)
                 posed = models[0]["poses"] if models else {}
                 if len(posed) > self.posed:
                     self.models, self.database, self.best = models, database, key
@@ -267,7 +269,9 @@ class _Mapping:
             more = {*[(i, j) for i, j in order if left[i] or left[j]][:MOST_PAIRS]} - pairs
             if not more:
                 return fault
-            yield Line(f"{counted(sum(left), 'photo')} without a pose: {len(more)} more pairs")
+            yield Line(
+                f"{counted(sum(left), 'photo')} without a pose: matching {len(more)} more pairs"
+            )
             pairs |= more
 
     def _features(self, attempt: Attempt) -> Working:
@@ -307,12 +311,10 @@ class _Mapping:
         self.evidence = Evidence(found["features"], found["pairs"], known)
         return database, key
 
-    def _map(self, database: Path, key: str, attempt: Attempt) -> Working:
+    def _map(self, database: Path, key: str) -> Working:
         """The models of an attempt, the largest first, and the key of their stage."""
         settings, task = self.settings, f"{self.settings.mapper} mapping"
-        asked: dict[str, Any] = {"count": len(self.prepared.photos), "seed": settings.seed}
-        if settings.mapper == "incremental":
-            asked |= {"min_angle": attempt.min_angle, "min_inliers": attempt.min_inliers}
+        asked = {"count": len(self.prepared.photos), "seed": settings.seed}
         key = fingerprint(key, task, asked)
         folder = self.stages.place(f"models-{key}")
         if not self.stages.answer("mapping", key).exists():

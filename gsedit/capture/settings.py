@@ -65,10 +65,6 @@ class Attempt:
     """Changes that a retry makes."""
 
     features: int
-    min_angle: float = 16.0
-    """Degrees between the rays of the first two photos (COLMAP's default)."""
-    min_inliers: int = 100
-    """Matches between the first two photos (COLMAP's default)."""
     peak: float = 0.02 / 3
     """Least contrast of a feature (COLMAP's default)."""
     affine: bool = False
@@ -77,17 +73,13 @@ class Attempt:
 
 def ladder(settings: CaptureSettings) -> tuple[tuple[str, Attempt], ...]:
     """Retry schedule, cheapest attempt first, each with its name."""
-    tried = Attempt(settings.features)
-    rungs = [("", tried)]
+    first = Attempt(settings.features)
     if not settings.retries:
-        return tuple(rungs)
-    if settings.mapper == "incremental":
-        tried = replace(tried, min_angle=4.0, min_inliers=40)
-        rungs.append(("a smaller angle between the first two photos", tried))
-    tried = replace(tried, features=2 * tried.features, peak=tried.peak / 3)
-    rungs.append(("more and fainter features", tried))
-    rungs.append(("affine shapes and guided matching", replace(tried, affine=True)))
-    return tuple(rungs)
+        return (("", first),)
+    more = Attempt(2 * first.features, first.peak / 3)
+    affine = replace(more, affine=True)
+    names = "", "more and fainter features", "affine shapes and guided matching"
+    return tuple(zip(names, (first, more, affine)))
 
 
 def ranked(common: Sequence[Sequence[int]]) -> list[Pair]:

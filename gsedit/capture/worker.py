@@ -179,14 +179,11 @@ def _centered(homography: np.ndarray, camera: pycolmap.Camera) -> np.ndarray:
 
 
 def map_incrementally(say: Say, database: str, images: str, output: str, count: int,
-                      min_angle: float, min_inliers: int, seed: int, threads: int
-                      ) -> dict[str, Any]:  # fmt: skip
+                      seed: int, threads: int) -> dict[str, Any]:  # fmt: skip
     """Incremental mapping; the models, each in a folder of its own below `output`."""
     options = pycolmap.IncrementalPipelineOptions()
     options.num_threads, options.random_seed, options.min_model_size = threads, seed, 3
     options.extract_colors = False  # of the model that is kept only
-    options.mapper.init_min_tri_angle = min_angle
-    options.mapper.init_min_num_inliers = min_inliers
     placed = 0
 
     def place(number: int) -> None:

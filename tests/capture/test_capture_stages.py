@@ -72,7 +72,9 @@ def test_photos_without_a_pose_are_matched_with_all_others(tmp_path, monkeypatch
             answer = {"common": [[9 * (j < 5)] * j for j in range(6)]}
         elif task == "matches":
             asked.append(Path(request["pairs"]).read_text().splitlines())
-            answer = {"features": {}, "pairs": []}
+            seen = {"inliers": 99, "flat": False, "shift": 1.0}
+            pairs = [{"names": line.split(), **seen} for line in asked[-1]]
+            answer = {"features": {}, "pairs": pairs}
         elif task == "incremental mapping":
             poses = dict.fromkeys(f"{i}.png" for i in range(5 + ("0.png 5.png" in asked[-1])))
             answer = {"models": [{"folder": "0", "poses": poses, "points": 1}]}
