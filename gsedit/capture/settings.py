@@ -18,9 +18,10 @@ LENSES = {
 """COLMAP's camera model, its focal lengths, and its distortion parameters."""
 FORESTS = 5
 """Spanning forests of the pairs that are matched first: every photo has as many partners or more.
-With 3 the same photos have poses; with 6, 97 % of the bear's matches are found."""
+Of the garden's 44 photos 37 have a pose with 3, all with 4; errors are those of all pairs with 5.
+"""
 MOST_PAIRS = 30_000
-"""Pairs that are matched for photos without a pose: every one of 245 photos, in 15 minutes."""
+"""Pairs that are matched for photos without a pose: all of 245 photos, 15 minutes of one core."""
 FEWEST = 3
 """Photos: two leave the depth of every point to two rays, and one cannot be posed."""
 

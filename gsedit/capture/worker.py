@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 import pycolmap
 
-BATCH = 50
+BATCH = 200
 """Pairs that are matched before their result is written."""
 LARGEST = 300
 """Largest features of a photo, which tell what photos show the same: 1 % of the work of all. Of the
@@ -77,7 +77,8 @@ def _camera_of(database: str, names: Sequence[str]) -> int | None:
 def common(say: Say, database: str, names: list[str], threads: int) -> dict[str, Any]:
     """How many of the largest features each photo has in common with each of those before it."""
     with pycolmap.Database.open(database) as opened:
-        photos = [_largest(opened, opened.read_image_with_name(name).image_id) for name in names]
+        images = {image.name: image.image_id for image in opened.read_all_images()}
+        photos = [_largest(opened, images[name]) for name in names]
     counts = []
     for i, photo in enumerate(photos):
         say("step", step=i, steps=len(photos))
