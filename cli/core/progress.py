@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from gsedit.measures.decibels import psnr_from_rmse
-from gsedit.run.stopwatch import Stopwatch
+from gsedit.run.stopwatch import Stopwatch, duration
 
 from .console import as_json, print_json, print_message, shown
 
@@ -106,9 +106,7 @@ def left(event: Event, first: Event) -> str:
     if seconds is None and event.step > first.step and event.steps > event.step:
         pace = (event.seconds - first.seconds) / (event.step - first.step)
         seconds = (event.steps - event.step) * pace
-    if seconds is None:
-        return ""
-    return f"about {seconds:.0f} s left" if seconds < 120 else f"about {seconds / 60:.0f} min left"
+    return "" if seconds is None else f"about {duration(seconds)} left"
 
 
 @contextmanager

@@ -13,10 +13,19 @@ import numpy as np
 
 from gsedit.capture.causes import Evidence, before_features, cause, hopeless, listed
 from gsedit.capture.exif import FULL_FRAME_DIAGONAL, groups_of
-from gsedit.capture.folder import Found, find_photos
+from gsedit.capture.folder import Found, counted, find_photos
 from gsedit.capture.frames import Extraction, extract_steps, is_video
 from gsedit.capture.photos import HEIC, Prepared, prepare, state_of
-from gsedit.capture.settings import FEWEST, Attempt, CaptureSettings, exhaustive, ladder, sequential
+from gsedit.capture.settings import (
+    FEWEST,
+    MOST_PAIRS,
+    Attempt,
+    CaptureSettings,
+    Pair,
+    choose,
+    ladder,
+    ranked,
+)
 from gsedit.capture.stages import (
     LOG,
     Line,
@@ -220,7 +229,7 @@ class _Mapping:
     def climb(self) -> Working:
         """The attempts of the ladder, until enough photos have a pose or nothing can help."""
         count = len(self.prepared.photos)
-        for name, attempt in ladder(self.settings, count):
+        for name, attempt in ladder(self.settings):
             if name:
                 if self.posed >= ENOUGH_SHARE * count:
                     return
@@ -230,21 +239,43 @@ class _Mapping:
                     "--no-retries: not",
                 )
             before = self.evidence
-            database, key = yield from self._match(attempt)
-            if self.evidence and (fault := hopeless(self.evidence)):
+            if fault := (yield from self._try(attempt)):
                 if not self.is_usable:
                     raise InputError(f"{self.source}: {fault}")
                 self.evidence = before
-                yield Line(
-                    f"with {name} it looks as if {fault}; going on with what was posed before"
-                )
+                yield Line(f"now it looks as if {fault}; going on with what was posed before")
                 return
-            models, key = yield from self._map(database, key, attempt)
-            if models and len(models[0]["poses"]) > self.posed:
-                self.models, self.database, self.best = models, database, key
 
-    def _match(self, attempt: Attempt) -> Working:
-        """The database of features and matches, and the key of their stage."""
+    def _try(self, attempt: Attempt) -> Working:
+        """Match the chosen pairs and map, then the other pairs of photos without a pose, as long as
+        there are any; why these photos cannot be posed, whatever is tried."""
+        names = [photo.name for photo in self.prepared.photos]
+        database, key = yield from self._features(attempt)
+        request = {"database": str(database), "names": names}
+        common = (yield from self.stages.run("pairs", key, request))["common"]
+        pairs, order, of_features, verified = choose(common), ranked(common), key, -1
+        while True:
+            database, key = yield from self._match(database, of_features, pairs, attempt)
+            assert self.evidence is not None
+            fault, posed = hopeless(self.evidence), {}
+            if verified == (verified := len(self.evidence.pairs)):
+                return fault
+            if not fault:
+                models, key = yield from self._map(database, key)
+                posed = models[0]["poses"] if models else {}
+                if len(posed) > self.posed:
+                    self.models, self.database, self.best = models, database, key
+            left = [name not in posed for name in names]
+            more = {*[(i, j) for i, j in order if left[i] or left[j]][:MOST_PAIRS]} - pairs
+            if not more:
+                return fault
+            yield Line(
+                f"{counted(sum(left), 'photo')} without a pose: matching {len(more)} more pairs"
+            )
+            pairs |= more
+
+    def _features(self, attempt: Attempt) -> Working:
+        """The database of features, and the key of their stage."""
         photos, settings, stages = self.prepared.photos, self.settings, self.stages
         asked = {
             "groups": [group.request(settings.lens) for group in self.groups],
@@ -256,30 +287,34 @@ class _Mapping:
         request = {"database": str(features), "images": str(self.images), **asked}
         look = lambda: Step(rows(features, "keypoints"), len(photos))  # noqa: E731
         yield from stages.run("features", key, request, look=look)
-        compared = (exhaustive if attempt.exhaustive else sequential)(len(photos))
+        return features, key
+
+    def _match(self, source: Path, key: str, pairs: set[Pair], attempt: Attempt) -> Working:
+        """The database of `source` with the matches of pairs, and the key of their stage."""
+        photos, settings, stages = self.prepared.photos, self.settings, self.stages
+        compared = sorted(pairs)
         key = fingerprint(key, compared, attempt.affine, settings.seed)
         database = stages.place(f"matches-{key}.db")
         listing = stages.place(f"matches-{key}.txt")
         lines = (f"{photos[i].name} {photos[j].name}\n" for i, j in compared)
         listing.write_text("".join(lines), encoding="utf-8")
         if not database.exists():  # else an interrupted run goes on in it
-            copy_database(features, database)
+            copy_database(source, database)
         request = {
             "database": str(database), "pairs": str(listing), "guided": attempt.affine,
             "seed": settings.seed,
         }  # fmt: skip
-        look = lambda: Step(rows(database, "two_view_geometries"), len(compared))  # noqa: E731
+        note = f"of {len(photos) * (len(photos) - 1) // 2} pairs"
+        look = lambda: Step(rows(database, "two_view_geometries"), len(compared), note)  # noqa: E731
         found = yield from stages.run("matches", key, request, look=look)
         known = all(group.focal is not None for group in self.groups)
         self.evidence = Evidence(found["features"], found["pairs"], known)
         return database, key
 
-    def _map(self, database: Path, key: str, attempt: Attempt) -> Working:
+    def _map(self, database: Path, key: str) -> Working:
         """The models of an attempt, the largest first, and the key of their stage."""
         settings, task = self.settings, f"{self.settings.mapper} mapping"
-        asked: dict[str, Any] = {"count": len(self.prepared.photos), "seed": settings.seed}
-        if settings.mapper == "incremental":
-            asked |= {"min_angle": attempt.min_angle, "min_inliers": attempt.min_inliers}
+        asked = {"count": len(self.prepared.photos), "seed": settings.seed}
         key = fingerprint(key, task, asked)
         folder = self.stages.place(f"models-{key}")
         if not self.stages.answer("mapping", key).exists():

@@ -40,7 +40,7 @@ def match_pictures(
     """
     if any(camera.model != "pinhole" for camera in cameras.values()):
         raise UsageError("points are matched in pictures of pinhole cameras only")
-    rough = Attempt(FEATURES, exhaustive=False)
+    rough = Attempt(FEATURES)
     with TemporaryDirectory() as place:
         folder = Path(place)
         images = folder / "images"

@@ -222,10 +222,10 @@ class Stages:
         if path.exists():
             yield self.event(stage, 1, 1, "done before")
             return read_json(path, advice="remove it")
-        yield self.event(stage)
+        last = look() if look else Step(0, 0)
+        yield self.event(stage, last.step, last.steps, last.note)
         request = {**request, "threads": self.threads}
         steps = run(task or stage, request, self.log, look)
-        last = Step(0, 0)
         try:
             while True:
                 step = next(steps)

@@ -22,6 +22,12 @@ import pycolmap
 
 BATCH = 200
 """Pairs that are matched before their result is written."""
+LARGEST = 300
+"""Largest features of a photo, which tell what photos show the same: 1 % of the work of all. Of the
+bear's pairs with 60 verified matches, 95 % have 12 of them in common; of pairs without a match,
+1 % have 9."""
+NEXT = 0.8
+"""A feature's distance from its match, as a share of that from the next (COLMAP's default)."""
 GOOD_ERROR = 2.0
 """Pixels: the largest reprojection error of a point that the fit starts from."""
 GOOD_ANGLE = 2.0
@@ -66,6 +72,38 @@ def _camera_of(database: str, names: Sequence[str]) -> int | None:
     with pycolmap.Database.open(database) as opened:
         found = (opened.read_image_with_name(name) for name in names)
         return next((image.camera_id for image in found if image is not None), None)
+
+
+def common(say: Say, database: str, names: list[str], threads: int) -> dict[str, Any]:
+    """How many of the largest features each photo has in common with each of those before it."""
+    with pycolmap.Database.open(database) as opened:
+        images = {image.name: image.image_id for image in opened.read_all_images()}
+        photos = [_largest(opened, images[name]) for name in names]
+    counts = []
+    for i, photo in enumerate(photos):
+        say("step", step=i, steps=len(photos))
+        counts.append([_in_common(photo, before) for before in photos[:i]])
+    return {"common": counts}
+
+
+def _largest(opened: pycolmap.Database, image: int) -> np.ndarray:
+    """Descriptors [n, 128] of unit length of a photo's largest features."""
+    shapes = opened.read_keypoints(image)[:, 2:].reshape(-1, 2, 2)
+    order = np.argsort(-np.abs(np.linalg.det(shapes)), kind="stable")[:LARGEST]
+    found = opened.read_descriptors(image).data[order].astype(np.float32)
+    return found / np.linalg.norm(found, axis=1, keepdims=True)
+
+
+def _in_common(first: np.ndarray, second: np.ndarray) -> int:
+    """Features that are each other's nearest, and nearer than the next by far."""
+    if min(len(first), len(second)) < 2:
+        return 0
+    cosine = first @ second.T
+    rows, nearest = np.arange(len(first)), cosine.argmax(1)
+    mutual = cosine.argmax(0)[nearest] == rows
+    best = cosine[rows, nearest]
+    cosine[rows, nearest] = -1
+    return int((mutual & (1 - best < NEXT**2 * (1 - cosine.max(1)))).sum())
 
 
 def match(say: Say, database: str, pairs: str, guided: bool, seed: int, threads: int
@@ -142,14 +180,11 @@ def _centered(homography: np.ndarray, camera: pycolmap.Camera) -> np.ndarray:
 
 
 def map_incrementally(say: Say, database: str, images: str, output: str, count: int,
-                      min_angle: float, min_inliers: int, seed: int, threads: int
-                      ) -> dict[str, Any]:  # fmt: skip
+                      seed: int, threads: int) -> dict[str, Any]:  # fmt: skip
     """Incremental mapping; the models, each in a folder of its own below `output`."""
     options = pycolmap.IncrementalPipelineOptions()
     options.num_threads, options.random_seed, options.min_model_size = threads, seed, 3
     options.extract_colors = False  # of the model that is kept only
-    options.mapper.init_min_tri_angle = min_angle
-    options.mapper.init_min_num_inliers = min_inliers
     placed = 0
 
     def place(number: int) -> None:
@@ -290,6 +325,7 @@ def undistort(say: Say, model: str, images: str, output: str, rotation: list[lis
 
 TASKS = {
     "features": extract,
+    "pairs": common,
     "matches": match,
     "points": points,
     "incremental mapping": map_incrementally,

@@ -45,7 +45,7 @@ from gsedit.paper.view_plan import ViewPlan
 from gsedit.run.events import Checkpoint, Event, as_record, events_of, returned
 from gsedit.run.json_lines import plain
 from gsedit.run.state import State
-from gsedit.run.stopwatch import Stopwatch
+from gsedit.run.stopwatch import duration, Stopwatch
 
 
 @dataclass(frozen=True)
@@ -113,13 +113,6 @@ def cheaper(cost: Cost) -> str:
     if cost.steps >= 16:  # fewer are of models made for few
         return f"--steps {cost.steps // 2}"
     return ""
-
-
-def duration(seconds: float) -> str:
-    """A time for a person: 40 s, 12 min, 3.5 h."""
-    if seconds < 90:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
 
 
 def draw(

@@ -1,4 +1,4 @@
-"""The prepared photos, the pairs, the ladder, and the child process."""
+"""The prepared photos, the pairs, and the child process."""
 
 from __future__ import annotations
 
@@ -6,28 +6,88 @@ import sqlite3
 import subprocess
 import sys
 from collections import Counter
+from pathlib import Path
 
 import numpy as np
 import pytest
 from lens_photos import RealLens, take, walk
 from PIL import Image
 
-from gsedit.capture import stages
+from gsedit.capture import stages, worker
+from gsedit.capture.capture import capture_steps
 from gsedit.capture.folder import find_photos
 from gsedit.capture.photos import Prepared, prepare
-from gsedit.capture.settings import exhaustive, sequential
+from gsedit.capture.settings import FORESTS, CaptureSettings, choose, ranked
 from gsedit.capture.stages import Step
 
 
-@pytest.mark.parametrize("count", [2, 5, 40])
-def test_pairs(count):
-    assert set(exhaustive(count)) == {(i, j) for j in range(count) for i in range(j)}
-    near = sequential(count, overlap=3)
-    assert len(set(near)) == len(near)
-    assert all(0 <= i < j < count for i, j in near)
-    assert {(i, (i + 1)) for i in range(count - 1)} | {(0, count - 1)} <= set(near)  # closed
-    assert min(Counter(i for pair in near for i in pair).values()) >= min(count - 1, 6)
-    assert max((j - i for i, j in near), default=0) >= count // 4  # and reaches across
+def test_photos_are_paired_with_those_that_show_the_same_and_not_with_strangers():
+    random = np.random.default_rng(0)
+
+    def ring(count):  # each photo shows 50 features, 40 of which the next one shows too
+        features = random.normal(size=(10 * count, 128))
+        features /= np.linalg.norm(features, axis=1, keepdims=True)
+        return [np.roll(features, -10 * i, 0)[:50] for i in range(count)]
+
+    photos = ring(12) + ring(12)
+    common = [[worker._in_common(a, b) for b in photos[:j]] for j, a in enumerate(photos)]
+    assert common[1] == [40]
+    assert common[11][:3] == [40, 30, 20]
+    pairs = choose(common)
+    assert {(i, i + 1) for i in range(23) if i != 11} | {(0, 11), (12, 23)} <= pairs
+    assert all((i < 12) == (j < 12) for i, j in pairs)
+    assert min(Counter(i for pair in pairs for i in pair).values()) >= FORESTS
+
+
+@pytest.mark.parametrize("forests", [1, 3, 6])
+def test_every_group_of_photos_leads_to_the_others_as_often_as_forests_are_asked_for(forests):
+    random = np.random.default_rng(forests)
+    for count in (2, 5, 17):
+        common = random.integers(-9, 9, (count, count)).clip(0).tolist()
+        pairs, every = choose(common, forests), ranked(common)
+        assert set(every) == {(i, j) for j in range(count) for i in range(j)}
+        assert all(common[j][i] for i, j in pairs)
+        assert len(pairs) <= forests * (count - 1)
+        for group in [*np.eye(count, dtype=bool), *(random.random((50, count)) < 0.5)]:
+            leads = [pair for pair in every if group[pair[0]] != group[pair[1]]]
+            able = sum(common[j][i] > 0 for i, j in leads)
+            assert len(pairs & set(leads)) >= min(forests, able)
+
+
+def test_photos_without_a_pose_are_matched_with_all_others(tmp_path, monkeypatch):
+    """A COLMAP of six photos: it poses those that matches connect; 5 seems to show nothing, and
+    matches 0."""
+    random, asked = np.random.default_rng(0), []
+    (tmp_path / "photos").mkdir()
+    for i in range(6):
+        noise = random.integers(0, 256, (64, 64), dtype=np.uint8)
+        Image.fromarray(noise).save(tmp_path / "photos" / f"{i}.png")
+
+    def run(task, request, *_):
+        yield from ()
+        answer = {}
+        if task == "features":
+            sqlite3.connect(request["database"]).close()
+        elif task == "pairs":
+            answer = {"common": [[9 * (j < 5)] * j for j in range(6)]}
+        elif task == "matches":
+            asked.append(Path(request["pairs"]).read_text().splitlines())
+            seen = {"inliers": 99, "flat": False, "shift": 1.0}
+            pairs = [{"names": line.split(), **seen} for line in asked[-1]]
+            answer = {"features": {}, "pairs": pairs}
+        elif task == "incremental mapping":
+            poses = dict.fromkeys(f"{i}.png" for i in range(5 + ("0.png 5.png" in asked[-1])))
+            answer = {"models": [{"folder": "0", "poses": poses, "points": 1}]}
+        else:
+            raise KeyboardInterrupt
+        return answer
+
+    monkeypatch.setattr(stages, "run", run)
+    steps = capture_steps(tmp_path / "photos", tmp_path / "scene", CaptureSettings())
+    with pytest.raises(KeyboardInterrupt):  # with all six, of the refinement
+        list(steps)
+    first = [f"{i}.png {j}.png" for i in range(5) for j in range(i + 1, 5)]
+    assert asked == [first, sorted([*first, *(f"{i}.png 5.png" for i in range(5))])]
 
 
 def prepared(folder, place, size=1600) -> Prepared:
