@@ -304,8 +304,8 @@ def remove(
             "'gsedit filter'"
         )
     thing = _object(scene, inside, cameras)
-    kept, planes = _without(scene, inside, thing.extent, sights, seen)
-    left = _Left(scene, kept, torch.zeros(len(kept), dtype=torch.bool), scene[kept], [], 0)
+    kept, trust, planes = _without(scene, inside, thing.extent, sights, seen)
+    left = _Left(scene, kept, torch.zeros(len(kept), dtype=torch.bool), trust, scene[kept], [], 0)
     bare = look_again(left.scene, sights)
     left, views = _planes_filled(left, planes, thing, bare)
     left, views = _gaps_filled(left, views)
@@ -324,7 +324,7 @@ def _planes_filled(
         if sheet is None:
             continue
         left, sheet = _lit(left, sheet, plane, thing.extent)
-        left = left.without(_in_hole(left.rest, sheet, plane))
+        left = left.without(_in_hole(left, sheet, plane))
         made, textured = filled(left.rest, sheet, plane)
         left = left.plus(made, textured)
         views = look_again(left.scene, views.sights)
@@ -352,6 +352,8 @@ class _Left:
     before: Gaussians
     rows: Int[Tensor, " k"]
     changed: Bool[Tensor, " k"]
+    trust: Float[Tensor, " k"]
+    """Share of what each contributes now that it did while the object was there."""
     rest: Gaussians
     """Those rows, changed or not."""
     made: list[Gaussians]
@@ -364,7 +366,10 @@ class _Left:
 
     def without(self, gone: Bool[np.ndarray, " k"]) -> _Left:
         stay = torch.from_numpy(~gone)
-        return replace(self, rows=self.rows[stay], changed=self.changed[stay], rest=self.rest[stay])
+        rows, changed, trust, rest = (
+            each[stay] for each in (self.rows, self.changed, self.trust, self.rest)
+        )
+        return replace(self, rows=rows, changed=changed, trust=trust, rest=rest)
 
     def plus(self, more: Gaussians, textured: bool) -> _Left:
         smooth = self.smooth + (0 if textured else len(more))
@@ -399,15 +404,17 @@ def _lit(left: _Left, sheet: Sheet, plane: Plane, extent: float) -> tuple[_Left,
     return replace(left, changed=left.changed | dark, rest=replace(left.rest, sh=sh)), sheet
 
 
-def _in_hole(scene: Gaussians, sheet: Sheet, plane: Plane) -> Bool[np.ndarray, " n"]:
-    """Flag the Gaussians in the hole of a sheet, and those under it that reach up to the plane."""
-    points = scene.means.numpy()
+def _in_hole(left: _Left, sheet: Sheet, plane: Plane) -> Bool[np.ndarray, " k"]:
+    """Flag the Gaussians in the hole of a sheet, and those under it that reach up to the plane and
+    that nobody saw: what was seen is a side of what the surface ends at."""
+    scene, points = left.rest, left.rest.means.numpy()
     held = np.flatnonzero(sheet.holds(points))
     some = scene[torch.from_numpy(held)]
     normal = torch.from_numpy(plane.normal).to(some.means)
     across = (rotation_matrices(some.quats).mT @ normal * some.scales).norm(dim=-1).numpy()
     height = plane.heights(points[held])
-    inside = (np.abs(height) < plane.band) | ((height < 0) & (height > -TALL * across - plane.band))
+    under = (height < 0) & (height > -TALL * across - plane.band)
+    inside = (np.abs(height) < plane.band) | (under & (left.trust.numpy()[held] < SURE))
     gone = np.zeros(len(points), bool)
     gone[held[inside]] = True
     return gone
@@ -429,8 +436,8 @@ def _without(
     extent: float,
     sights: Sequence[Sight],
     seen: Float[Tensor, " n"],
-) -> tuple[Int[Tensor, " k"], tuple[Plane, ...]]:
-    """Rows of what stays, and the planes around the object."""
+) -> tuple[Int[Tensor, " k"], Float[Tensor, " k"], tuple[Plane, ...]]:
+    """Rows of what stays, how much of each was seen before, and the planes around the object."""
     points, removed = scene.means.numpy(), inside.numpy()
     rest = (~inside).nonzero().squeeze(1)
     kept = scene[rest]
@@ -450,7 +457,9 @@ def _without(
     if planes:
         ground = planes[0]
         gone |= mirrored_under(points[removed], points[rest.numpy()], ground.normal, ground.offset)
-    return rest[torch.from_numpy(~gone)], planes
+    stay = torch.from_numpy(~gone)
+    trust = seen[rest][stay] / torch.from_numpy(now[0])[stay].clamp_min(SHOWN)
+    return rest[stay], trust, planes
 
 
 def _object(scene: Gaussians, inside: Bool[Tensor, " n"], cameras: Sequence[Camera]) -> Object:
