@@ -128,6 +128,11 @@ TOUCHING = 0.25
 """Largest height of the object's lowest parts over the plane, of its extent."""
 LEAST_BAND = 0.0025
 """Least band of the plane, of the object's extent: a toe is higher."""
+BAND = 3.0
+"""Half of the thickness of a plane's layer of Gaussians, in its roughness."""
+HOVERS = 0.05
+"""Height of the object's lowest parts over a plane from which it stands on another, of its extent.
+"""
 
 
 def find_support(
@@ -137,8 +142,29 @@ def find_support(
 ) -> Plane | None:
     """The plane of an object's surroundings that it stands on; None where there is none.
 
-    The one wins that most of the weight near the object is on, of those that have it on one side.
+    The one wins that most of the weight near the object is on, of those that have it on one side;
+    where the object hovers over that, as over the ground around a rock, a nearer one below it.
     """
+    extent = extent_of(points[object_])
+    found = list[tuple[float, Plane]]()
+    for _ in range(2):
+        plane = _voted_support(points, object_, weights)
+        if plane is None:
+            break
+        lowest = float(np.quantile(plane.heights(points[object_]), 0.03))
+        found.append((lowest, plane))
+        if lowest < HOVERS * extent:
+            break
+        weights = np.where(_layer(plane, BAND, TOLERANCE * extent).on(points), 0.0, weights)
+    return min(found, key=lambda each: each[0])[1] if found else None
+
+
+def _voted_support(
+    points: Float[np.ndarray, "n 3"],
+    object_: Bool[np.ndarray, " n"],
+    weights: Float[np.ndarray, " n"],
+) -> Plane | None:
+    """The plane that most of the weight near an object is on and that has it on one side."""
     points = points.astype(np.float64)
     body = points[object_]
     extent = extent_of(body)
@@ -174,14 +200,9 @@ LEAST_SHARE = 0.15
 """Least share of the surroundings that is on a plane beyond the first."""
 SMALLEST = 1e-3
 """Least extent of an object, of its scene's: one Gaussian has none."""
-BAND = 3.0
-"""Half of the thickness of a plane's layer of Gaussians, in its roughness."""
 ALONG = 0.7
 """Least mean cosine between the normals of its Gaussians and a plane beyond the first: those that
 it cuts across have 0.5."""
-HOVERS = 0.05
-"""Height of the object's lowest parts over a plane from which it stands on another, of its extent.
-"""
 PARALLEL, LAYERS = 0.97, 2.0
 """Cosine of planes that are parallel, and the distance of two layers of one, in their bands."""
 
@@ -200,7 +221,8 @@ def find_planes(
     """
     extent = max(extent_of(points[removed]), SMALLEST * extent_of(points))
     tolerance = TOLERANCE * extent
-    found = _supports(points, removed, weights, extent, eye)
+    support = find_support(points, removed, weights)
+    found = [] if support is None else [_layer(support, BAND, tolerance).facing(eye[None])]
     left = np.flatnonzero((weights > 0) & ~removed)
     left = left[~np.any([p.on(points[left]) for p in found], 0)] if found else left
     random = np.random.default_rng(0)
@@ -213,7 +235,7 @@ def find_planes(
         voted = voted_plane(voters, tolerance, random)
         if voted is None or voted[1] * weights[left].sum() < LEAST_SHARE * total:
             break
-        plane = _layer(voted[0], BAND, tolerance, eye)
+        plane = _layer(voted[0], BAND, tolerance).facing(eye[None])
         flat = axes[asked][plane.on(voters)]
         if np.abs(flat @ plane.normal).sum() > ALONG * np.linalg.norm(flat, axis=1).sum():
             _put(found, plane)  # else it cuts across surfaces
@@ -221,31 +243,9 @@ def find_planes(
     return tuple(found)
 
 
-def _layer(plane: Plane, thick: float, least: float, eye: Float64[np.ndarray, "3"]) -> Plane:
-    """A plane that faces an eye, with a band so many times as thick as it is rough."""
-    return replace(plane.facing(eye[None]), band=max(thick * plane.band, least))
-
-
-def _supports(
-    points: Float[np.ndarray, "n 3"],
-    removed: Bool[np.ndarray, " n"],
-    weights: Float[np.ndarray, " n"],
-    extent: float,
-    eye: Float64[np.ndarray, "3"],
-) -> list[Plane]:
-    """The plane that the object stands on; where it hovers over one, a nearer one below it."""
-    found, votes = [], weights.astype(np.float64)
-    for _ in range(2):
-        support = find_support(points, removed, votes) if votes.any() else None
-        if support is None:
-            break
-        plane = _layer(support, BAND, TOLERANCE * extent, eye)
-        lowest = float(np.quantile(support.heights(points[removed]), 0.03))
-        found.append((lowest, plane))
-        if lowest < HOVERS * extent:
-            break
-        votes = np.where(plane.on(points), 0.0, votes)
-    return [plane for _, plane in sorted(found, key=lambda each: each[0])[:1]]
+def _layer(plane: Plane, thick: float, least: float) -> Plane:
+    """A plane with a band so many times as thick as it is rough."""
+    return replace(plane, band=max(thick * plane.band, least))
 
 
 def _put(found: list[Plane], plane: Plane) -> None:
