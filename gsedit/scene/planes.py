@@ -128,6 +128,8 @@ TOUCHING = 0.25
 """Largest height of the object's lowest parts over the plane, of its extent."""
 LEAST_BAND = 0.0025
 """Least band of the plane, of the object's extent: a toe is higher."""
+LEVEL = 40
+"""Power of the cosine between its normal and up in half of its votes: at 10 degrees, half of it."""
 BAND = 3.0
 """Half of the thickness of a plane's layer of Gaussians, in its roughness."""
 HOVERS = 0.05
@@ -139,16 +141,18 @@ def find_support(
     points: Float[np.ndarray, "n 3"],
     object_: Bool[np.ndarray, " n"],
     weights: Float[np.ndarray, " n"],
+    up: Float64[np.ndarray, "3"] | None = None,
 ) -> Plane | None:
     """The plane of an object's surroundings that it stands on; None where there is none.
 
     The one wins that most of the weight near the object is on, of those that have it on one side;
     where the object hovers over that, as over the ground around a rock, a nearer one below it.
+    With `up`, a unit vector, level ones count more.
     """
     extent = extent_of(points[object_])
     found = list[tuple[float, Plane]]()
     for _ in range(2):
-        plane = _voted_support(points, object_, weights)
+        plane = _voted_support(points, object_, weights, up)
         if plane is None:
             break
         lowest = float(np.quantile(plane.heights(points[object_]), 0.03))
@@ -163,6 +167,7 @@ def _voted_support(
     points: Float[np.ndarray, "n 3"],
     object_: Bool[np.ndarray, " n"],
     weights: Float[np.ndarray, " n"],
+    up: Float64[np.ndarray, "3"] | None,
 ) -> Plane | None:
     """The plane that most of the weight near an object is on and that has it on one side."""
     points = points.astype(np.float64)
@@ -177,7 +182,8 @@ def _voted_support(
         heights *= np.copysign(1.0, np.median(heights, axis=0))
         lowest = np.quantile(heights, 1 - ABOVE, axis=0)
         carrying = (lowest >= -tolerance) & (lowest <= TOUCHING * extent)
-        return np.where(carrying, on.mean(0), 0.0)
+        level = 1.0 if up is None else np.abs(normals @ up) ** LEVEL
+        return np.where(carrying, on.mean(0) * (1 + level) / 2, 0.0)
 
     for near in NEAR:
         close = np.isfinite(k_nearest(body, points, 1, near * extent)[0][:, 0])
@@ -213,15 +219,16 @@ def find_planes(
     axes: Float[np.ndarray, "n 3"],
     weights: Float[np.ndarray, " n"],
     eye: Float64[np.ndarray, "3"],
+    up: Float64[np.ndarray, "3"],
 ) -> tuple[Plane, ...]:
     """The planes around an object, the one it stands on first; `weights` of its surroundings.
 
-    `eye`, the middle of the cameras, is on their positive side; `axes` are the shortest axes, as
+    `eye`, the middle of the cameras, is on their positive side; `up` is the scene's; `axes` are the shortest axes, as
     long as a Gaussian is flat.
     """
     extent = max(extent_of(points[removed]), SMALLEST * extent_of(points))
     tolerance = TOLERANCE * extent
-    support = find_support(points, removed, weights)
+    support = find_support(points, removed, weights, up)
     found = [] if support is None else [_layer(support, BAND, tolerance).facing(eye[None])]
     left = np.flatnonzero((weights > 0) & ~removed)
     left = left[~np.any([p.on(points[left]) for p in found], 0)] if found else left

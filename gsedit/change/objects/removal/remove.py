@@ -444,9 +444,10 @@ def _without(
     now = contributions_of(kept, sights).numpy()
     weights = np.zeros(len(scene))
     weights[rest.numpy()] = now[2]
+    up = up_of([sight.camera for sight in sights]).double().numpy()
     eye = np.mean([sight.camera.center.double().numpy() for sight in sights], 0)
     planes = find_planes(
-        points, core_of(points, removed), shortest_axes(scene).numpy(), weights, eye
+        points, core_of(points, removed), shortest_axes(scene).numpy(), weights, eye, up
     )
     colors = sh_to_color(kept.sh[:, 0]).numpy()
     some = points[removed][:: 1 + int(removed.sum()) // MOST_POINTS]

@@ -120,14 +120,16 @@ views saw them: between blades of grass."""
 HIDDEN = (0.5, 2.0)
 """Least views that the object hid a cell from, of those that saw it, for a cell of the hole, and
 for one that nobody knows."""
+NEARBY = 0.1
+"""Farthest that cells of a hole are from such a one, of the object's extent: what is seen under a
+table is there, though not quite on its plane."""
 OPEN = 1.0
 """Least views that show a cell of the hole, of those that something else covers it in: a surface
 that is not level lies over its plane, or is seen before it."""
 BORDERED = 0.25
 """Least share of what is around a hole that is known: else it is a hole of something else."""
 OWN = 0.25
-"""Least share of a hole that nobody knows: else it is the footprint of something else, or a place
-where a surface that is not level leaves its plane."""
+"""Least share of a hole that nobody knows: else it is the footprint of something else."""
 FULL = 0.9
 """Share of a rectangle without its hole that is known, from which a surface is that rectangle."""
 SEEN = 0.05
@@ -232,6 +234,12 @@ def _drawn(
     hidden, unseen = (
         ((revealed > least * unhidden) & shown).reshape(known.shape) for least in HIDDEN
     )
+    empty = Sheet(camera, 1 / camera.fx, values, known, hidden, hidden, depth, usual)
+    close = np.abs(plane.heights(thing.points)) < CLOSE * thing.extent
+    caster = empty.under(thing.points[close])
+    if caster.any():  # what it stands on is hidden from its foot on
+        unseen = touching(unseen & solid, widened(caster, 2))
+    hidden &= away_from(unseen) < NEARBY * thing.extent * camera.fx
     known |= closed(known, GAP) & solid & ~hidden
     hole = enclosing((hidden & solid) | known) & ~known
     open_ = hole & ~_surrounded(hole, known, unseen, least)
@@ -240,13 +248,11 @@ def _drawn(
         remains = known & closed(hole, NEAR_HOLE) & loose
         known, hole = known & ~remains, hole | remains
     hole = opened(hole) | (hole & enclosing(known))
-    empty = Sheet(camera, 1 / camera.fx, values, known, hole, hole, depth, usual)
-    close = np.abs(plane.heights(thing.points)) < CLOSE * thing.extent
-    caster = empty.under(thing.points[close])
     whole = closed(hole | known, max(1, round(NOTCH * thing.extent * camera.fx)))
-    if caster.any():  # what it stands on is hidden from its foot on
+    if caster.any():
         hole = touching(hole, widened(caster, 2))
-    return replace(empty, caster=caster, hole=hole | (whole & caster & ~known))
+    hole |= whole & caster & ~known
+    return replace(empty, known=known, caster=caster, hole=hole)
 
 
 def standing(
