@@ -17,7 +17,7 @@ from jaxtyping import Bool, Float, Float64, Int
 from scipy import ndimage
 from torch import Tensor
 
-from gsedit.change.objects.removal.cells import widened
+from gsedit.change.objects.removal.cells import closed, enclosing, parts_of, widened
 from gsedit.change.objects.removal.fill import backdrop, filled, find_gap
 from gsedit.change.objects.removal.sheet import Object, Sheet, find_shade, find_sheet, standing
 from gsedit.change.objects.removal.sight import (
@@ -201,6 +201,49 @@ def _share(
     return float(np.isfinite(k_nearest(images, points, 1, NEAR * extent)[0]).mean())
 
 
+LOW_PART = 0.12
+"""Height over the ground up to which parts lie between the feet of an object, of its extent."""
+WITHIN = 0.9
+"""Least share of such a part that is within the object's outline from above."""
+
+
+def between_feet(
+    thing: Float[np.ndarray, "k 3"],
+    others: Float[np.ndarray, "n 3"],
+    plane: Plane,
+) -> Bool[np.ndarray, " n"]:
+    """Flag the points of what stands low on a plane, within a thing's outline from above, and
+    touches its feet, as the beams between the legs of a table.
+
+    What is wholly below the thing carries it, and stays.
+    """
+    extent, flags = extent_of(thing), np.zeros(len(others), bool)
+    axes = np.linalg.svd(plane.normal[None])[2][1:]
+    own, heights = plane.heights(thing), plane.heights(others)
+    flat, least = thing @ axes.T, (thing @ axes.T).min(0) - 3 * CELL * extent
+    shape = np.ceil(np.ptp(flat, axis=0) / (CELL * extent)).astype(int) + 7
+
+    def cells(points: Float[np.ndarray, "m 3"]) -> Int[np.ndarray, "m 2"]:
+        return np.floor((points @ axes.T - least) / (CELL * extent)).astype(int)
+
+    foot, outline, taken = (np.zeros(shape, bool) for _ in range(3))
+    foot[tuple(cells(thing[own < LOW_PART * extent]).T)] = True
+    outline[tuple(cells(thing).T)] = True
+    outline = enclosing(closed(outline, 2))
+    low = np.flatnonzero((heights > plane.band) & (heights < LOW_PART * extent))
+    at = cells(others[low])
+    low, at = (each[((at >= 0) & (at < shape)).all(1)] for each in (low, at))
+    taken[tuple(at.T)] = True
+    numbers, count = parts_of(taken & ~foot)
+    part, beside = numbers[tuple(at.T)], np.unique(numbers[widened(foot, 1)])
+    for each in np.setdiff1d(beside, 0) if count else ():
+        rows = low[part == each]
+        inside = outline[numbers == each].mean() >= WITHIN
+        flags[rows] = inside and np.median(heights[rows]) > own.min()
+    flags[low[part == 0]] = bool(flags.any())  # its parts under the feet themselves
+    return flags
+
+
 REACH = 1.0
 """Width around the object's box that is looked at, of its extent."""
 CELL, SPACED = 0.04, 2.5
@@ -305,6 +348,11 @@ def remove(
         )
     thing = _object(scene, inside, cameras)
     kept, trust, planes = _without(scene, inside, thing.extent, sights, seen)
+    if planes:
+        more = between_feet(thing.points, scene.means[kept].numpy(), planes[0])
+        points = scene.means[kept].double().numpy()[more]
+        thing = replace(thing, points=np.concatenate((thing.points, points)))
+        kept, trust = (each[torch.from_numpy(~more)] for each in (kept, trust))
     left = _Left(scene, kept, torch.zeros(len(kept), dtype=torch.bool), trust, scene[kept], [], 0)
     bare = look_again(left.scene, sights)
     left, views = _planes_filled(left, planes, thing, bare)
