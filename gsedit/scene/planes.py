@@ -223,8 +223,8 @@ def find_planes(
 ) -> tuple[Plane, ...]:
     """The planes around an object, the one it stands on first; `weights` of its surroundings.
 
-    `eye`, the middle of the cameras, is on their positive side; `up` is the scene's; `axes` are the shortest axes, as
-    long as a Gaussian is flat.
+    `eye`, the middle of the cameras, is on their positive side; `up` is the scene's; `axes` are
+    the shortest axes, as long as a Gaussian is flat.
     """
     extent = max(extent_of(points[removed]), SMALLEST * extent_of(points))
     tolerance = TOLERANCE * extent

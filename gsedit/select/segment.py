@@ -300,9 +300,7 @@ def _with_hovering(
     return labels
 
 
-def _is_leg(
-    surfaces: Surfaces, small: Int[np.ndarray, " m"], large: Int[np.ndarray, " k"]
-) -> bool:
+def _is_leg(surfaces: Surfaces, small: Int[np.ndarray, " m"], large: Int[np.ndarray, " k"]) -> bool:
     """Whether something stands wholly under something else, which goes down as far beside it."""
     front = surfaces.place.front.numpy()
     axes = np.stack((front, np.cross(surfaces.up, front), surfaces.up), 1)

@@ -203,8 +203,9 @@ def _share(
 
 LOW_PART = 0.12
 """Height over the ground up to which parts lie between the feet of an object, of its extent."""
-WITHIN = 0.9
-"""Least share of such a part that is within the object's outline from above."""
+WITHIN, AROUND_IT = 0.9, 8
+"""Least share of such a part that is within the object's outline from above, and the cells around
+the object that are looked at."""
 
 
 def between_feet(
@@ -220,27 +221,28 @@ def between_feet(
     extent, flags = extent_of(thing), np.zeros(len(others), bool)
     axes = np.linalg.svd(plane.normal[None])[2][1:]
     own, heights = plane.heights(thing), plane.heights(others)
-    flat, least = thing @ axes.T, (thing @ axes.T).min(0) - 3 * CELL * extent
-    shape = np.ceil(np.ptp(flat, axis=0) / (CELL * extent)).astype(int) + 7
+    step = CELL * extent
+    flat = thing @ axes.T / step
+    least = flat.min(0) - AROUND_IT
+    shape = np.ceil(flat.max(0) - least).astype(int) + AROUND_IT
 
     def cells(points: Float[np.ndarray, "m 3"]) -> Int[np.ndarray, "m 2"]:
-        return np.floor((points @ axes.T - least) / (CELL * extent)).astype(int)
+        return np.floor(points @ axes.T / step - least).astype(int)
 
     foot, outline, taken = (np.zeros(shape, bool) for _ in range(3))
     foot[tuple(cells(thing[own < LOW_PART * extent]).T)] = True
     outline[tuple(cells(thing).T)] = True
     outline = enclosing(closed(outline, 2))
-    low = np.flatnonzero((heights > plane.band) & (heights < LOW_PART * extent))
-    at = cells(others[low])
-    low, at = (each[((at >= 0) & (at < shape)).all(1)] for each in (low, at))
-    taken[tuple(at.T)] = True
-    numbers, count = parts_of(taken & ~foot)
-    part, beside = numbers[tuple(at.T)], np.unique(numbers[widened(foot, 1)])
-    for each in np.setdiff1d(beside, 0) if count else ():
-        rows = low[part == each]
-        inside = outline[numbers == each].mean() >= WITHIN
-        flags[rows] = inside and np.median(heights[rows]) > own.min()
-    flags[low[part == 0]] = bool(flags.any())  # its parts under the feet themselves
+    at = cells(others)
+    near = np.flatnonzero(((at >= 0) & (at < shape)).all(1) & (heights > plane.band))
+    at, near_low = at[near], heights[near] < LOW_PART * extent
+    taken[tuple(at[near_low].T)] = True
+    numbers, _ = parts_of(taken)
+    part, beside = numbers[tuple(at.T)], np.unique(numbers[widened(foot, 1) & (numbers > 0)])
+    for each in beside:
+        own_low, high = (near[(part == each) & which] for which in (near_low, ~near_low))
+        inside = outline[numbers == each].mean() >= WITHIN and len(high) < len(own_low) / 2
+        flags[own_low] = inside and np.median(heights[own_low]) > own.min()
     return flags
 
 
