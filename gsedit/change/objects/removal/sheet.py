@@ -213,13 +213,9 @@ def _drawn(
 ) -> Sheet:
     """The picture of a rectangle of a plane."""
     depth = 2 * plane.band
-    values, alpha = harmonics_on(layer, camera)
     eyes = np.stack([s.camera.center.double().numpy() for s in views.sights])
     points = cells_of(camera, depth)
-    towards = torch.nn.functional.normalize(torch.from_numpy(points.mean(0) - eyes), dim=1)
-    usual = basis(towards, layer.degree).mean(0).numpy() / SH_DC
-    bands = values.reshape(*alpha.shape, -1, 3)
-    values[..., :3] = 0.5 + SH_DC * np.einsum("hwkc,k->hwc", bands, usual)
+    values, alpha, usual = _colors_on(layer, camera, points.mean(0) - eyes)
     revealed, through, unhidden, covered = testify(points, plane.heights(eyes), views, plane.band)
     values = _even(values, alpha)
     known, votes = alpha > COVERED, (through, np.maximum(unhidden, 1), unhidden)
@@ -241,18 +237,42 @@ def _drawn(
         unseen = touching(unseen & solid, widened(caster, 2))
     hidden &= away_from(unseen) < NEARBY * thing.extent * camera.fx
     known |= closed(known, GAP) & solid & ~hidden
-    hole = enclosing((hidden & solid) | known) & ~known
+    known, hole = _holes(known, hidden & solid, unseen, least)
+    whole = closed(hole | known, max(1, round(NOTCH * thing.extent * camera.fx)))
+    if caster.any():
+        hole = touching(hole, widened(caster, 2))
+    hole |= whole & caster & ~known
+    return replace(empty, known=known, caster=caster, hole=hole)
+
+
+def _colors_on(
+    layer: Gaussians, camera: Camera, ways: Float64[np.ndarray, "v 3"]
+) -> tuple[Float[np.ndarray, "h w k3"], Float[np.ndarray, "h w"], Float64[np.ndarray, " k"]]:
+    """Harmonics, the first as the mean color that is seen along some ways; the opacity; and the
+    factors of the harmonics in that color, over SH_DC."""
+    values, alpha = harmonics_on(layer, camera)
+    towards = torch.nn.functional.normalize(torch.from_numpy(ways), dim=1)
+    usual = basis(towards, layer.degree).mean(0).numpy() / SH_DC
+    bands = values.reshape(*alpha.shape, -1, 3)
+    values[..., :3] = 0.5 + SH_DC * np.einsum("hwkc,k->hwc", bands, usual)
+    return values, alpha, usual
+
+
+def _holes(
+    known: Bool[np.ndarray, "h w"],
+    hidden: Bool[np.ndarray, "h w"],
+    unseen: Bool[np.ndarray, "h w"],
+    least: int,
+) -> tuple[Bool[np.ndarray, "h w"], Bool[np.ndarray, "h w"]]:
+    """(what is known, without thin remains of the object; the holes in it)."""
+    hole = enclosing(hidden | known) & ~known
     open_ = hole & ~_surrounded(hole, known, unseen, least)
     hole = _surrounded(hole & ~(open_ & ~_ending(known, open_)), known, unseen, least)
     for loose in (~_wide(known, hole), ~opened(known)):
         remains = known & closed(hole, NEAR_HOLE) & loose
         known, hole = known & ~remains, hole | remains
     hole = opened(hole) | (hole & enclosing(known))
-    whole = closed(hole | known, max(1, round(NOTCH * thing.extent * camera.fx)))
-    if caster.any():
-        hole = touching(hole, widened(caster, 2))
-    hole |= whole & caster & ~known
-    return replace(empty, known=known, caster=caster, hole=hole)
+    return known, hole
 
 
 def standing(
@@ -373,8 +393,7 @@ def find_shade(
 
     What is nearer to `others`, that stand there too, is in their shadow.
     """
-    bright = np.ones_like(picture)
-    none = bright, np.zeros_like(hole)
+    none = np.ones_like(picture), np.zeros_like(hole)
     source = hole | caster
     if not caster.any() or not (known & ~source).any():
         return none
@@ -401,12 +420,11 @@ def find_shade(
         dark &= CLOSER * away_from(others) > away
     shadow = touching(dark, source)
     if not shadow.any() or not _cast(light, shadow, known & ~shadow, away):
-        return bright, contact
-    light = _sharp(picture, usual, known, light, sigma)
-    light = np.where(shadow[..., None], light.clip(0.05, 1.0), 1.0)
-    fading = mean_around(light, seen, sigma / 2).clip(0.05, 1.0)
-    deep = shadow & (fading.mean(-1) < DEEP)
-    return np.where(known[..., None], fading, 1.0), deep | contact
+        return none[0], contact
+    sharp = _sharp(picture, usual, known, light, sigma).clip(0.05, 1.0)
+    fading = mean_around(np.where(shadow[..., None], sharp, 1.0), seen, sigma / 2).clip(0.05, 1.0)
+    contact |= shadow & (fading.mean(-1) < DEEP)
+    return np.where(known[..., None], fading, 1.0), contact
 
 
 def _sharp(
