@@ -45,7 +45,7 @@ from gsedit.paper.view_plan import ViewPlan
 from gsedit.run.events import Checkpoint, Event, as_record, events_of, returned
 from gsedit.run.json_lines import plain
 from gsedit.run.state import State
-from gsedit.run.stopwatch import duration, Stopwatch
+from gsedit.run.stopwatch import Stopwatch, duration
 
 
 @dataclass(frozen=True)

@@ -116,17 +116,52 @@ plane, for an object that hovers."""
 LEAST_SPREAD = 0.08
 """Least standard deviation, across, of the points on it, of the object's extent: a strip a quarter
 as wide as the object is long. What is narrower is another part of it, as a hand."""
+ABOVE = 0.97
+"""Least share of the object that is above the plane."""
+TOUCHING = 0.25
+"""Largest height of the object's lowest parts over the plane, of its extent."""
+LEVEL = 40
+"""Power of the cosine between its normal and up in half of its votes: at 10 degrees, half of it."""
+BAND = 3.0
+"""Half of the thickness of a plane's layer of Gaussians, in its roughness."""
+HOVERS = 0.05
+"""Height of the object's lowest parts over a plane from which it stands on another, of its extent.
+"""
 
 
 def find_support(
     points: Float[np.ndarray, "n 3"],
     object_: Bool[np.ndarray, " n"],
     weights: Float[np.ndarray, " n"],
+    up: Float64[np.ndarray, "3"] | None = None,
 ) -> Plane | None:
     """The plane of an object's surroundings that it stands on; None where there is none.
 
-    The one wins that most of the weight near the object is on, of those that have it on one side.
+    The one wins that most of the weight near the object is on, of those that have it on one side;
+    where the object hovers over that, as over the ground around a rock, a nearer one below it.
+    With `up`, a unit vector, level ones count more.
     """
+    extent = extent_of(points[object_])
+    found = list[tuple[float, Plane]]()
+    for _ in range(2):
+        plane = _voted_support(points, object_, weights, up)
+        if plane is None:
+            break
+        lowest = float(np.quantile(plane.heights(points[object_]), 0.03))
+        found.append((lowest, plane))
+        if lowest < HOVERS * extent:
+            break
+        weights = np.where(_layer(plane, BAND, TOLERANCE * extent).on(points), 0.0, weights)
+    return min(found, key=lambda each: each[0])[1] if found else None
+
+
+def _voted_support(
+    points: Float[np.ndarray, "n 3"],
+    object_: Bool[np.ndarray, " n"],
+    weights: Float[np.ndarray, " n"],
+    up: Float64[np.ndarray, "3"] | None,
+) -> Plane | None:
+    """The plane that most of the weight near an object is on and that has it on one side."""
     points = points.astype(np.float64)
     body = points[object_]
     extent = extent_of(body)
@@ -137,9 +172,10 @@ def find_support(
     def votes(normals: np.ndarray, offsets: np.ndarray, on: np.ndarray) -> np.ndarray:
         heights = some @ normals.T - offsets
         heights *= np.copysign(1.0, np.median(heights, axis=0))
-        lowest = np.quantile(heights, 0.03, axis=0)  # some may be below the plane
-        carrying = (lowest >= -tolerance) & (lowest <= 0.25 * extent)
-        return np.where(carrying, on.mean(0), 0.0)
+        lowest = np.quantile(heights, 1 - ABOVE, axis=0)
+        carrying = (lowest >= -tolerance) & (lowest <= TOUCHING * extent)
+        level = 1.0 if up is None else np.abs(normals @ up) ** LEVEL
+        return np.where(carrying, on.mean(0) * (1 + level) / 2, 0.0)
 
     for near in NEAR:
         close = np.isfinite(k_nearest(body, points, 1, near * extent)[0][:, 0])
@@ -160,14 +196,9 @@ LEAST_SHARE = 0.15
 """Least share of the surroundings that is on a plane beyond the first."""
 SMALLEST = 1e-3
 """Least extent of an object, of its scene's: one Gaussian has none."""
-BAND = 3.0
-"""Half of the thickness of a plane's layer of Gaussians, in its roughness."""
 ALONG = 0.7
 """Least mean cosine between the normals of its Gaussians and a plane beyond the first: those that
 it cuts across have 0.5."""
-HOVERS = 0.05
-"""Height of the object's lowest parts over a plane from which it stands on another, of its extent.
-"""
 PARALLEL, LAYERS = 0.97, 2.0
 """Cosine of planes that are parallel, and the distance of two layers of one, in their bands."""
 
@@ -178,15 +209,17 @@ def find_planes(
     axes: Float[np.ndarray, "n 3"],
     weights: Float[np.ndarray, " n"],
     eye: Float64[np.ndarray, "3"],
+    up: Float64[np.ndarray, "3"],
 ) -> tuple[Plane, ...]:
     """The planes around an object, the one it stands on first; `weights` of its surroundings.
 
-    `eye`, the middle of the cameras, is on their positive side; `axes` are the shortest axes, as
-    long as a Gaussian is flat.
+    `eye`, the middle of the cameras, is on their positive side; `up` is the scene's; `axes` are
+    the shortest axes, as long as a Gaussian is flat.
     """
     extent = max(extent_of(points[removed]), SMALLEST * extent_of(points))
     tolerance = TOLERANCE * extent
-    found = _supports(points, removed, weights, extent, eye)
+    support = find_support(points, removed, weights, up)
+    found = [] if support is None else [_layer(support, BAND, tolerance).facing(eye[None])]
     left = np.flatnonzero((weights > 0) & ~removed)
     left = left[~np.any([p.on(points[left]) for p in found], 0)] if found else left
     random = np.random.default_rng(0)
@@ -199,7 +232,7 @@ def find_planes(
         voted = voted_plane(voters, tolerance, random)
         if voted is None or voted[1] * weights[left].sum() < LEAST_SHARE * total:
             break
-        plane = _layer(voted[0], BAND, tolerance, eye)
+        plane = _layer(voted[0], BAND, tolerance).facing(eye[None])
         flat = axes[asked][plane.on(voters)]
         if np.abs(flat @ plane.normal).sum() > ALONG * np.linalg.norm(flat, axis=1).sum():
             _put(found, plane)  # else it cuts across surfaces
@@ -207,31 +240,9 @@ def find_planes(
     return tuple(found)
 
 
-def _layer(plane: Plane, thick: float, least: float, eye: Float64[np.ndarray, "3"]) -> Plane:
-    """A plane that faces an eye, with a band so many times as thick as it is rough."""
-    return replace(plane.facing(eye[None]), band=max(thick * plane.band, least))
-
-
-def _supports(
-    points: Float[np.ndarray, "n 3"],
-    removed: Bool[np.ndarray, " n"],
-    weights: Float[np.ndarray, " n"],
-    extent: float,
-    eye: Float64[np.ndarray, "3"],
-) -> list[Plane]:
-    """The plane that the object stands on; where it hovers over one, a nearer one below it."""
-    found, votes = [], weights.astype(np.float64)
-    for _ in range(2):
-        support = find_support(points, removed, votes) if votes.any() else None
-        if support is None:
-            break
-        plane = _layer(support, BAND, TOLERANCE * extent, eye)
-        lowest = float(np.quantile(support.heights(points[removed]), 0.03))
-        found.append((lowest, plane))
-        if lowest < HOVERS * extent:
-            break
-        votes = np.where(plane.on(points), 0.0, votes)
-    return [plane for _, plane in sorted(found, key=lambda each: each[0])[:1]]
+def _layer(plane: Plane, thick: float, least: float) -> Plane:
+    """A plane with a band so many times as thick as it is rough."""
+    return replace(plane, band=max(thick * plane.band, least))
 
 
 def _put(found: list[Plane], plane: Plane) -> None:

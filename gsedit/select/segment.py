@@ -17,7 +17,7 @@ from torch import Tensor
 
 from gsedit.scene.neighbors import extent_of, k_nearest, linked
 from gsedit.scene.quantiles import weighted_quantile
-from gsedit.select.layers import find_stacks, joints_of, numbered
+from gsedit.select.layers import find_stacks, flush, joints_of, numbered
 from gsedit.select.surfaces import Surfaces, look
 from rasterizer.camera import Camera
 from rasterizer.scene import Gaussians
@@ -41,6 +41,10 @@ FEET, FEET_TOUCH = 0.05, 0.1
 TOUCHING = 0.15
 """Largest distance of a touch, of the object's extent, beside two distances between neighbors: what
 no camera sees under an object has no Gaussians."""
+LOOSE = 0.25
+"""Largest gap of what hovers beside a larger object and is a part of it, of that one's extent."""
+JOINED = 0.02
+"""Largest gap between a leg and what it carries, of the extent of that."""
 SKY_ELEVATION, SKY_DISTANCE = 8.0, 2.5
 """Degrees above the horizon, and distances of the cameras, from which the background may be sky."""
 SKY_LIGHT, SKY_WARMTH = 0.4, 0.04
@@ -276,20 +280,33 @@ def _standing(
 def _with_hovering(
     surfaces: Surfaces, labels: Int[np.ndarray, " n"], kinds: list[Kind]
 ) -> Int[np.ndarray, " n"]:
-    """The labels with parts that hover beside a larger object, as a hand, made part of it."""
+    """The labels with parts that hover beside a larger object, as a hand, or stand under one that
+    other parts carry, too, as a leg, made part of it."""
     under = _standing(surfaces, labels, kinds)
     things, points = [i for i, kind in enumerate(kinds) if kind == "object"], surfaces.points
     rows = {i: np.flatnonzero((labels == i) & surfaces.solid) for i in things}
     size = {i: extent_of(points[rows[i]]) if len(rows[i]) else 0.0 for i in things}
-    for small in sorted((i for i in things if under[i] < 0), key=lambda i: size[i]):
+    for small in sorted(things, key=lambda i: size[i]):
         gaps = {
             large: k_nearest(points[rows[large]], points[rows[small]], 1)[0].min() / size[large]
             for large in things
             if size[large] > size[small] > 0
+            and (under[small] < 0 or _is_leg(surfaces, rows[small], rows[large]))
+            and under[large] != small
         }
-        if gaps and min(gaps.values()) < 0.25:  # it is a part of a larger object
+        if gaps and min(gaps.values()) < (LOOSE if under[small] < 0 else JOINED):
             labels = np.where(labels == small, min(gaps, key=lambda i: gaps[i]), labels)
     return labels
+
+
+def _is_leg(surfaces: Surfaces, small: Int[np.ndarray, " m"], large: Int[np.ndarray, " k"]) -> bool:
+    """Whether something stands wholly under something else, which goes down as far beside it."""
+    front = surfaces.place.front.numpy()
+    axes = np.stack((front, np.cross(surfaces.up, front), surfaces.up), 1)
+    (low, high), (least, most) = (
+        np.quantile(surfaces.points[rows] @ axes, (TAIL, 1 - TAIL), 0) for rows in (small, large)
+    )
+    return bool((high < most).all() and (low > least)[:2].all() and least[2] < (low + high)[2] / 2)
 
 
 # ---- pieces by color, by which things of one body are told apart that touch ----------------------
@@ -303,6 +320,10 @@ ROUNDS = 60
 NECK = 2.5
 """Most pairs of neighbors between two things that only touch, in square roots of the smaller's
 Gaussians: a patch of color that lies in another has more around it."""
+SMOOTH = 0.45
+"""Share of smooth joints from which two pieces are one surface, as a top half in the shade."""
+LEAST_FOOT = 3
+"""Least pairs of neighbors between a piece and what it stands on."""
 
 
 def pieces(surfaces: Surfaces, inside: Bool[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
@@ -329,6 +350,7 @@ def split_touching(
     if count < 2:
         return [inside]
     pairs, _ = _pairs_within(surfaces, inside)
+    smooth = flush(surfaces, pairs)
     sizes = np.bincount(piece[inside], minlength=count)
     group = np.arange(count)
     touches = surfaces.touches(inside, support)[inside]
@@ -340,7 +362,8 @@ def split_touching(
         if not len(joints):
             break
         narrow = times / np.sqrt(np.minimum(size[joints[:, 0]], size[joints[:, 1]]))
-        hangs = foot[joints].min(1) < 3  # pairs of neighbors
+        narrow[joints_of(group[piece[pairs]], count, smooth)[1] >= SMOOTH * times] += 1000
+        hangs = foot[joints].min(1) < LEAST_FOOT
         narrow[hangs] += 1000  # what does not stand is of what it hangs on, most of all
         best = int(narrow.argmax())
         if narrow[best] < NECK:

@@ -14,9 +14,10 @@ from plain_scenes import cloud, same_bits
 from torch import Tensor
 
 from gsedit.change.objects import remove
-from gsedit.change.objects.removal.remove import mirrored_under, resting_on
+from gsedit.change.objects.removal.remove import between_feet, mirrored_under, resting_on
 from gsedit.errors import UsageError
 from gsedit.scene.outcome import Outcome
+from gsedit.scene.planes import Plane
 from gsedit.select.region import Region, coverage
 from gsedit.views.orbit import circle
 from rasterizer.camera import Camera
@@ -174,6 +175,35 @@ def test_what_touches_something_beside_or_below_does_not_rest_on_the_thing(besid
     found = resting_on(grid, np.concatenate((on_top, post)), np.array((0.0, 0.0, 1.0)))
     assert found[: len(grid)].all() == bool(count)
     assert not found[len(grid) :].any()
+
+
+def boxed(low: tuple[float, ...], high: tuple[float, ...], count: int = 1500) -> np.ndarray:
+    """Points in a box."""
+    return np.random.default_rng(0).uniform(low, high, (count, 3))
+
+
+@pytest.mark.parametrize(
+    ("left", "goes"),
+    [
+        (boxed((-0.9, -0.05, 0.03), (0.9, 0.05, 0.1)), True),  # a beam from leg to leg
+        (boxed((-0.9, -0.05, 0.03), (2.5, 0.05, 0.1)), False),  # it goes on beside the table
+        (boxed((-0.3, -0.3, 0.03), (0.3, 0.3, 0.1)), False),  # a stone that no leg touches
+        (boxed((-0.9, -0.05, 0.03), (0.9, 0.05, 0.9)), False),  # a wall: most of it is high
+    ],
+)
+def test_what_a_selection_missed_between_the_feet_goes_along(left, goes):
+    top = boxed((-1, -1, 1), (1, 1, 1.1), 6000)
+    legs = [boxed((x - 0.05, -0.05, 0), (x + 0.05, 0.05, 1)) for x in (-0.9, 0.9)]
+    table = np.concatenate((top, *legs))
+    found = between_feet(table, left, Plane(np.array((0.0, 0.0, 1.0)), 0.0, 0.02))
+    assert (found.mean() > 0.9) == goes
+    assert goes or not found.any()
+
+
+def test_what_carries_a_thing_stays():
+    figure = boxed((-1, -1, 0.3), (1, 1, 2), 6000)
+    block = boxed((-0.5, -0.5, 0.03), (0.5, 0.5, 0.29))
+    assert not between_feet(figure, block, Plane(np.array((0.0, 0.0, 1.0)), 0.0, 0.02)).any()
 
 
 @pytest.mark.parametrize(

@@ -35,3 +35,15 @@ def test_a_ball_in_a_cloud_stands_on_nothing():
     ball = np.linalg.norm(points, axis=1) < 0.5
     assert find_support(points, ball, np.ones(len(points))) is None
     assert find_support(points[ball], ball[ball], np.ones(ball.sum())) is None
+
+
+def test_of_a_tilted_and_a_level_plane_with_as_many_votes_the_level_one_carries():
+    random, up = np.random.default_rng(0), np.array((0.0, 0.0, 1.0))
+    ball = random.uniform((-0.4, -0.4, 0.1), (0.4, 0.4, 0.9), (2000, 3))
+    x, y = random.uniform(-1, 1, (2, 6000))
+    level = np.stack((x, y, 0 * x), 1)
+    tilted = np.stack((x, y, 0.3 * x - 0.1), 1)
+    points = np.concatenate((ball, level[:3000], tilted[3000:]))
+    support = find_support(points, np.arange(len(points)) < len(ball), np.ones(len(points)), up)
+    assert support is not None
+    assert support.normal @ up > 0.999

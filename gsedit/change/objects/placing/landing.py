@@ -16,6 +16,7 @@ from torch import Tensor
 from gsedit.change.objects.placing.placement import RelativePlace
 from gsedit.change.objects.placing.stance import (
     BASE,
+    RANK,
     STEP,
     Stance,
     carrier,
@@ -35,9 +36,6 @@ COARSE = 3
 """Cells of a map along the side of a place."""
 WIDEST = 21
 """Places on either side of a middle at which an object's shape ends."""
-RANK = 0.8
-"""Rank of the height that an object comes to lie on, of those under its base: stray leaves and
-blades are higher."""
 FEWEST, CROWDED = 0.3, 0.25
 """Least share of its base that is carried at any place, and largest share of its outline, from
 above, that is over something higher."""

@@ -12,7 +12,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from gsedit.scene.planes import Plane, find_support
+from gsedit.scene.planes import HOVERS, Plane, find_support
 from gsedit.scene.quantiles import ends, weighted_quantile
 from gsedit.views.orbit import perpendicular
 from gsedit.views.place import Place
@@ -97,6 +97,9 @@ BASE = 0.15
 """Part of the height, from below, that is over what carries an object."""
 STEP = 0.25
 """Height above its foot, of its own, up to which something near an object may carry it."""
+RANK = 0.8
+"""Rank of the height that an object comes to lie on, of those under its base: stray leaves and
+blades are higher."""
 SOLID = 0.1
 """Opacity below which a Gaussian is haze, where there are others."""
 STEPS = 200
@@ -157,6 +160,14 @@ def stance_of(body: Gaussians, rest: Gaussians, up: Float[Tensor, "3"]) -> Stanc
     ceiling = begins + STEP * (last - begins)
     seen = map_around(body, rest, middle, up, ceiling)
     support = carrier(body, seen, up)
+    base = body.means[body.means.double() @ up <= begins + BASE * (last - begins)]
+    under = seen.tops[seen.under(base)]
+    under = under[under.isfinite()]
+    if support is not None and len(under):
+        level, normal = float(under.quantile(RANK)), torch.from_numpy(support.normal)
+        below = level - middle @ up - (support.offset - middle @ normal) / (normal @ up)
+        if below > HOVERS * (last - begins):  # a rock's top, which is too small for a plane
+            support = Plane(up.numpy(), level, support.band)
     if support is not None:
         normal = torch.from_numpy(support.normal)
         low, high = reach(body, normal)
@@ -190,7 +201,7 @@ def carrier(body: Gaussians, seen: Relief, up: Float[Tensor, "3"]) -> Plane | No
         return None
     points = np.concatenate((chosen, cells))
     ours = np.arange(len(points)) < len(chosen)
-    found = find_support(points, ours, np.ones(len(points)))
+    found = find_support(points, ours, np.ones(len(points)), up.double().numpy())
     if found is None or float(found.normal @ up.numpy()) < LEVEL:
         return None
     return found

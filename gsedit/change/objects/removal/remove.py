@@ -17,7 +17,7 @@ from jaxtyping import Bool, Float, Float64, Int
 from scipy import ndimage
 from torch import Tensor
 
-from gsedit.change.objects.removal.cells import widened
+from gsedit.change.objects.removal.cells import closed, enclosing, parts_of, widened
 from gsedit.change.objects.removal.fill import backdrop, filled, find_gap
 from gsedit.change.objects.removal.sheet import Object, Sheet, find_shade, find_sheet, standing
 from gsedit.change.objects.removal.sight import (
@@ -201,6 +201,51 @@ def _share(
     return float(np.isfinite(k_nearest(images, points, 1, NEAR * extent)[0]).mean())
 
 
+LOW_PART = 0.12
+"""Height over the ground up to which parts lie between the feet of an object, of its extent."""
+WITHIN, AROUND_IT = 0.9, 8
+"""Least share of such a part that is within the object's outline from above, and the cells around
+the object that are looked at."""
+
+
+def between_feet(
+    thing: Float[np.ndarray, "k 3"],
+    others: Float[np.ndarray, "n 3"],
+    plane: Plane,
+) -> Bool[np.ndarray, " n"]:
+    """Flag the points of what stands low on a plane, within a thing's outline from above, and
+    touches its feet, as the beams between the legs of a table.
+
+    What is wholly below the thing carries it, and stays.
+    """
+    extent, flags = extent_of(thing), np.zeros(len(others), bool)
+    axes = np.linalg.svd(plane.normal[None])[2][1:]
+    own, heights = plane.heights(thing), plane.heights(others)
+    step = CELL * extent
+    flat = thing @ axes.T / step
+    least = flat.min(0) - AROUND_IT
+    shape = np.ceil(flat.max(0) - least).astype(int) + AROUND_IT
+
+    def cells(points: Float[np.ndarray, "m 3"]) -> Int[np.ndarray, "m 2"]:
+        return np.floor(points @ axes.T / step - least).astype(int)
+
+    foot, outline, taken = (np.zeros(shape, bool) for _ in range(3))
+    foot[tuple(cells(thing[own < LOW_PART * extent]).T)] = True
+    outline[tuple(cells(thing).T)] = True
+    outline = enclosing(closed(outline, 2))
+    at = cells(others)
+    near = np.flatnonzero(((at >= 0) & (at < shape)).all(1) & (heights > plane.band))
+    at, near_low = at[near], heights[near] < LOW_PART * extent
+    taken[tuple(at[near_low].T)] = True
+    numbers, _ = parts_of(taken)
+    part, beside = numbers[tuple(at.T)], np.unique(numbers[widened(foot, 1) & (numbers > 0)])
+    for each in beside:
+        own_low, high = (near[(part == each) & which] for which in (near_low, ~near_low))
+        inside = outline[numbers == each].mean() >= WITHIN and len(high) < len(own_low) / 2
+        flags[own_low] = inside and np.median(heights[own_low]) > own.min()
+    return flags
+
+
 REACH = 1.0
 """Width around the object's box that is looked at, of its extent."""
 CELL, SPACED = 0.04, 2.5
@@ -304,8 +349,13 @@ def remove(
             "'gsedit filter'"
         )
     thing = _object(scene, inside, cameras)
-    kept, planes = _without(scene, inside, thing.extent, sights, seen)
-    left = _Left(scene, kept, torch.zeros(len(kept), dtype=torch.bool), scene[kept], [], 0)
+    kept, trust, planes = _without(scene, inside, thing.extent, sights, seen)
+    if planes:
+        more = between_feet(thing.points, scene.means[kept].numpy(), planes[0])
+        points = scene.means[kept].double().numpy()[more]
+        thing = replace(thing, points=np.concatenate((thing.points, points)))
+        kept, trust = (each[torch.from_numpy(~more)] for each in (kept, trust))
+    left = _Left(scene, kept, torch.zeros(len(kept), dtype=torch.bool), trust, scene[kept], [], 0)
     bare = look_again(left.scene, sights)
     left, views = _planes_filled(left, planes, thing, bare)
     left, views = _gaps_filled(left, views)
@@ -324,7 +374,7 @@ def _planes_filled(
         if sheet is None:
             continue
         left, sheet = _lit(left, sheet, plane, thing.extent)
-        left = left.without(_in_hole(left.rest, sheet, plane))
+        left = left.without(_in_hole(left, sheet, plane))
         made, textured = filled(left.rest, sheet, plane)
         left = left.plus(made, textured)
         views = look_again(left.scene, views.sights)
@@ -352,6 +402,8 @@ class _Left:
     before: Gaussians
     rows: Int[Tensor, " k"]
     changed: Bool[Tensor, " k"]
+    trust: Float[Tensor, " k"]
+    """Share of what each contributes now that it did while the object was there."""
     rest: Gaussians
     """Those rows, changed or not."""
     made: list[Gaussians]
@@ -364,7 +416,10 @@ class _Left:
 
     def without(self, gone: Bool[np.ndarray, " k"]) -> _Left:
         stay = torch.from_numpy(~gone)
-        return replace(self, rows=self.rows[stay], changed=self.changed[stay], rest=self.rest[stay])
+        rows, changed, trust, rest = (
+            each[stay] for each in (self.rows, self.changed, self.trust, self.rest)
+        )
+        return replace(self, rows=rows, changed=changed, trust=trust, rest=rest)
 
     def plus(self, more: Gaussians, textured: bool) -> _Left:
         smooth = self.smooth + (0 if textured else len(more))
@@ -399,15 +454,17 @@ def _lit(left: _Left, sheet: Sheet, plane: Plane, extent: float) -> tuple[_Left,
     return replace(left, changed=left.changed | dark, rest=replace(left.rest, sh=sh)), sheet
 
 
-def _in_hole(scene: Gaussians, sheet: Sheet, plane: Plane) -> Bool[np.ndarray, " n"]:
-    """Flag the Gaussians in the hole of a sheet, and those under it that reach up to the plane."""
-    points = scene.means.numpy()
+def _in_hole(left: _Left, sheet: Sheet, plane: Plane) -> Bool[np.ndarray, " k"]:
+    """Flag the Gaussians in the hole of a sheet, and those under it that reach up to the plane and
+    that nobody saw: what was seen is a side of what the surface ends at."""
+    scene, points = left.rest, left.rest.means.numpy()
     held = np.flatnonzero(sheet.holds(points))
     some = scene[torch.from_numpy(held)]
     normal = torch.from_numpy(plane.normal).to(some.means)
     across = (rotation_matrices(some.quats).mT @ normal * some.scales).norm(dim=-1).numpy()
     height = plane.heights(points[held])
-    inside = (np.abs(height) < plane.band) | ((height < 0) & (height > -TALL * across - plane.band))
+    under = (height < 0) & (height > -TALL * across - plane.band)
+    inside = (np.abs(height) < plane.band) | (under & (left.trust.numpy()[held] < SURE))
     gone = np.zeros(len(points), bool)
     gone[held[inside]] = True
     return gone
@@ -429,17 +486,18 @@ def _without(
     extent: float,
     sights: Sequence[Sight],
     seen: Float[Tensor, " n"],
-) -> tuple[Int[Tensor, " k"], tuple[Plane, ...]]:
-    """Rows of what stays, and the planes around the object."""
+) -> tuple[Int[Tensor, " k"], Float[Tensor, " k"], tuple[Plane, ...]]:
+    """Rows of what stays, how much of each was seen before, and the planes around the object."""
     points, removed = scene.means.numpy(), inside.numpy()
     rest = (~inside).nonzero().squeeze(1)
     kept = scene[rest]
     now = contributions_of(kept, sights).numpy()
     weights = np.zeros(len(scene))
     weights[rest.numpy()] = now[2]
+    up = up_of([sight.camera for sight in sights]).double().numpy()
     eye = np.mean([sight.camera.center.double().numpy() for sight in sights], 0)
     planes = find_planes(
-        points, core_of(points, removed), shortest_axes(scene).numpy(), weights, eye
+        points, core_of(points, removed), shortest_axes(scene).numpy(), weights, eye, up
     )
     colors = sh_to_color(kept.sh[:, 0]).numpy()
     some = points[removed][:: 1 + int(removed.sum()) // MOST_POINTS]
@@ -450,7 +508,9 @@ def _without(
     if planes:
         ground = planes[0]
         gone |= mirrored_under(points[removed], points[rest.numpy()], ground.normal, ground.offset)
-    return rest[torch.from_numpy(~gone)], planes
+    stay = torch.from_numpy(~gone)
+    trust = seen[rest][stay] / torch.from_numpy(now[0])[stay].clamp_min(SHOWN)
+    return rest[stay], trust, planes
 
 
 def _object(scene: Gaussians, inside: Bool[Tensor, " n"], cameras: Sequence[Camera]) -> Object:

@@ -27,7 +27,7 @@ from gsedit.change.objects.removal.cells import (
     touching,
     widened,
 )
-from gsedit.change.objects.removal.complete import complete
+from gsedit.change.objects.removal.complete import solve_membrane
 from gsedit.change.objects.removal.sight import Views, testify
 from gsedit.scene.planes import Plane
 from gsedit.views.orbit import parallel, perpendicular
@@ -117,12 +117,19 @@ def harmonics_on(
 COVERED, GAP = 0.6, 2
 """Opacity from which a cell is known; half of the width, in cells, of gaps that are known where
 views saw them: between blades of grass."""
-HIDDEN = 0.5
-"""Least views that the object hid a cell from, of those that saw it, for a cell of the hole."""
+HIDDEN = (0.5, 2.0)
+"""Least views that the object hid a cell from, of those that saw it, for a cell of the hole, and
+for one that nobody knows."""
+NEARBY = 0.1
+"""Farthest that cells of a hole are from such a one, of the object's extent: what is seen under a
+table is there, though not quite on its plane."""
+OPEN = 1.0
+"""Least views that show a cell of the hole, of those that something else covers it in: a surface
+that is not level lies over its plane, or is seen before it."""
 BORDERED = 0.25
 """Least share of what is around a hole that is known: else it is a hole of something else."""
 OWN = 0.25
-"""Least share of a hole that the object hid: else it is the footprint of something else."""
+"""Least share of a hole that nobody knows: else it is the footprint of something else."""
 FULL = 0.9
 """Share of a rectangle without its hole that is known, from which a surface is that rectangle."""
 SEEN = 0.05
@@ -137,6 +144,8 @@ LEAST_CELLS, LEAST_FINE_CELLS = 6, 2
 """Cells of the smallest hole, coarse and fine: a smaller one is closed by what is around it."""
 CLOSE = 0.1
 """Distance of the object's parts that are close over a plane, of its extent."""
+NOTCH = 0.05
+"""Half of the width, of that extent, of notches in a surface's edge that the object stood on."""
 SPECK = 0.1
 """Size of a hole, of the largest, below which it is not worth a larger picture."""
 COARSE = 160
@@ -204,14 +213,10 @@ def _drawn(
 ) -> Sheet:
     """The picture of a rectangle of a plane."""
     depth = 2 * plane.band
-    values, alpha = harmonics_on(layer, camera)
     eyes = np.stack([s.camera.center.double().numpy() for s in views.sights])
     points = cells_of(camera, depth)
-    towards = torch.nn.functional.normalize(torch.from_numpy(points.mean(0) - eyes), dim=1)
-    usual = basis(towards, layer.degree).mean(0).numpy() / SH_DC
-    bands = values.reshape(*alpha.shape, -1, 3)
-    values[..., :3] = 0.5 + SH_DC * np.einsum("hwkc,k->hwc", bands, usual)
-    revealed, through, unhidden = testify(points, plane.heights(eyes), views, plane.band)
+    values, alpha, usual = _colors_on(layer, camera, points.mean(0) - eyes)
+    revealed, through, unhidden, covered = testify(points, plane.heights(eyes), views, plane.band)
     values = _even(values, alpha)
     known, votes = alpha > COVERED, (through, np.maximum(unhidden, 1), unhidden)
     through, all_, seen = (gaussian_filter(each.reshape(alpha.shape), EDGE) for each in votes)
@@ -221,18 +226,53 @@ def _drawn(
         known &= ~behind | (seen > SEEN)
         if (known & behind).sum() <= BEHIND * known.sum():
             solid = solid & ~behind
-    hidden = (revealed > HIDDEN * unhidden).reshape(known.shape)
+    shown = revealed + unhidden > OPEN * covered
+    hidden, unseen = (
+        ((revealed > least * unhidden) & shown).reshape(known.shape) for least in HIDDEN
+    )
+    empty = Sheet(camera, 1 / camera.fx, values, known, hidden, hidden, depth, usual)
+    close = np.abs(plane.heights(thing.points)) < CLOSE * thing.extent
+    caster = empty.under(thing.points[close])
+    if caster.any():  # what it stands on is hidden from its foot on
+        unseen = touching(unseen & solid, widened(caster, 2))
+    hidden &= away_from(unseen) < NEARBY * thing.extent * camera.fx
     known |= closed(known, GAP) & solid & ~hidden
-    hole = enclosing((hidden & solid) | known) & ~known
-    open_ = hole & ~_surrounded(hole, known, hidden, least)
-    hole = _surrounded(hole & ~(open_ & ~_ending(known, open_)), known, hidden, least)
+    known, hole = _holes(known, hidden & solid, unseen, least)
+    whole = closed(hole | known, max(1, round(NOTCH * thing.extent * camera.fx)))
+    if caster.any():
+        hole = touching(hole, widened(caster, 2))
+    hole |= whole & caster & ~known
+    return replace(empty, known=known, caster=caster, hole=hole)
+
+
+def _colors_on(
+    layer: Gaussians, camera: Camera, ways: Float64[np.ndarray, "v 3"]
+) -> tuple[Float[np.ndarray, "h w k3"], Float[np.ndarray, "h w"], Float64[np.ndarray, " k"]]:
+    """Harmonics, the first as the mean color that is seen along some ways; the opacity; and the
+    factors of the harmonics in that color, over SH_DC."""
+    values, alpha = harmonics_on(layer, camera)
+    towards = torch.nn.functional.normalize(torch.from_numpy(ways), dim=1)
+    usual = basis(towards, layer.degree).mean(0).numpy() / SH_DC
+    bands = values.reshape(*alpha.shape, -1, 3)
+    values[..., :3] = 0.5 + SH_DC * np.einsum("hwkc,k->hwc", bands, usual)
+    return values, alpha, usual
+
+
+def _holes(
+    known: Bool[np.ndarray, "h w"],
+    hidden: Bool[np.ndarray, "h w"],
+    unseen: Bool[np.ndarray, "h w"],
+    least: int,
+) -> tuple[Bool[np.ndarray, "h w"], Bool[np.ndarray, "h w"]]:
+    """(what is known, without thin remains of the object; the holes in it)."""
+    hole = enclosing(hidden | known) & ~known
+    open_ = hole & ~_surrounded(hole, known, unseen, least)
+    hole = _surrounded(hole & ~(open_ & ~_ending(known, open_)), known, unseen, least)
     for loose in (~_wide(known, hole), ~opened(known)):
         remains = known & closed(hole, NEAR_HOLE) & loose
         known, hole = known & ~remains, hole | remains
     hole = opened(hole) | (hole & enclosing(known))
-    empty = Sheet(camera, 1 / camera.fx, values, known, hole, hole, depth, usual)
-    close = np.abs(plane.heights(thing.points)) < CLOSE * thing.extent
-    return replace(empty, caster=empty.under(thing.points[close]))
+    return known, hole
 
 
 def standing(
@@ -326,12 +366,16 @@ THIN = 0.08
 between two surfaces, or a bridge to another's shadow."""
 CLOSER = 2.0
 """How much nearer than the object what else stands there is to what is in its own shadow."""
+TOUCHED = 0.04
+"""Distance from it, of the farthest that is asked, in which what is dim is what is left of it."""
 BLUR = 0.1
 """Standard deviation over which light is averaged, of the size of what casts it."""
 GRAY = 1.2
 """Largest ratio of the light of two colors in a shadow that ends sharply: else it is paint."""
 SOFT = 0.82
 """Light at the border of a shadow, of what is usual, from which it fades out."""
+FADES = 0.05
+"""Least difference in light of its farthest and nearest quarters, then: else it is the ground's."""
 
 
 def find_shade(
@@ -345,7 +389,7 @@ def find_shade(
     """The shadow around what casts it, on what is known of a surface; `farthest` cells from it.
 
     (light that is left of what is usual, in (0, 1], 1 where there is no shadow; cells that are too
-    dark for anything to be brought back).
+    dark for anything to be brought back, or are remains of what stood there).
 
     What is nearer to `others`, that stand there too, is in their shadow.
     """
@@ -366,20 +410,21 @@ def find_shade(
     far = known & ~near
     if not near.any() or not far.any():
         return none
-    usual = complete(picture, far, hole | near).picture
-    light = mean / np.maximum(mean_around(usual, seen, sigma), 1e-3)
+    usual = solve_membrane(mean_around(picture, far.astype(float), sigma), hole | near, far)
+    usual = np.maximum(usual, 1e-3)
+    light, own = mean / usual, (mean_around(picture, seen, 1.0) / usual).mean(-1)
+    contact = known & (away <= TOUCHED * farthest) & (own < DIM)
     dark = near & (light.mean(-1) < SHADED)
     dark &= opened(dark | source, max(1, round(THIN * size)))
     if others.any():
         dark &= CLOSER * away_from(others) > away
     shadow = touching(dark, source)
-    if not shadow.any() or not _cast(light, shadow, known & ~shadow):
-        return none
-    light = _sharp(picture, usual, known, light, sigma)
-    light = np.where(shadow[..., None], light.clip(0.05, 1.0), 1.0)
-    fading = mean_around(light, seen, sigma / 2).clip(0.05, 1.0)
-    deep = shadow & (fading.mean(-1) < DEEP)
-    return np.where(known[..., None], fading, 1.0), deep
+    if not shadow.any() or not _cast(light, shadow, known & ~shadow, away):
+        return none[0], contact
+    sharp = _sharp(picture, usual, known, light, sigma).clip(0.05, 1.0)
+    fading = mean_around(np.where(shadow[..., None], sharp, 1.0), seen, sigma / 2).clip(0.05, 1.0)
+    contact |= shadow & (fading.mean(-1) < DEEP)
+    return np.where(known[..., None], fading, 1.0), contact
 
 
 def _sharp(
@@ -391,7 +436,7 @@ def _sharp(
 ) -> Float[np.ndarray, "h w 3"]:
     """Light with the edges of shadows: medians keep them, means do not."""
     seen = known.astype(np.float64)
-    ratio = mean_around(picture, seen, 1.0) / np.maximum(mean_around(usual, seen, 1.0), 1e-3)
+    ratio = mean_around(picture, seen, 1.0) / usual
     width = 2 * round(sigma) + 1
     return median_filter(np.where(known[..., None], ratio, light), (width, width, 1))
 
@@ -400,10 +445,14 @@ def _cast(
     light: Float[np.ndarray, "h w 3"],
     shadow: Bool[np.ndarray, "h w"],
     lit: Bool[np.ndarray, "h w"],
+    away: Float64[np.ndarray, "h w"],
 ) -> bool:
-    """Whether what is dark is a shadow: it fades out, or takes all colors alike."""
+    """Whether what is dark is a shadow: it fades out away from what casts it, or ends sharply and
+    takes all colors alike."""
     rim = shadow & widened(lit, 2)
     if not rim.any() or np.median(light[rim].mean(-1)) > SOFT:
-        return True
+        near, far = np.quantile(away[shadow], (0.25, 0.75))
+        first, last = (np.median(light[shadow & at].mean(-1)) for at in (away <= near, away >= far))
+        return bool(first < last - FADES)
     channels = np.median(light[shadow], 0)
     return bool(channels.max() < GRAY * channels.min())

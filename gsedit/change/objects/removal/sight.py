@@ -129,14 +129,15 @@ def testify(
     heights: Float64[np.ndarray, " v"],
     views: Views,
     tolerance: float,
-) -> tuple[Float64[np.ndarray, " m"], Float64[np.ndarray, " m"], Float64[np.ndarray, " m"]]:
+) -> tuple[Float64[np.ndarray, " m"], ...]:
     """How many views say what of points of a plane: those that have it in the object's outline with
-    nothing left before it, that saw through it to what is behind, and that have nothing before it.
+    nothing left before it, that saw through it to what is behind, that have nothing before it, and
+    that it is covered in by what is left.
 
     `heights` are the cameras' over the plane. Surfaces are told apart that lie farther than
     `tolerance` from the plane.
     """
-    revealed, through, unhidden = (np.zeros(len(points)) for _ in range(3))
+    revealed, through, unhidden, covered = (np.zeros(len(points)) for _ in range(4))
     for sight, height, rest in zip(views.sights, heights, views.depth):
         if height <= tolerance:
             continue
@@ -149,9 +150,10 @@ def testify(
         )
         open_ = shown & (under_left > -tolerance)
         revealed += outlined & open_
+        covered += shown & ~open_
         unhidden += shown & ~outlined & (under > -tolerance)
         through += shown & ~outlined & (under > tolerance)
-    return revealed, through, unhidden
+    return revealed, through, unhidden, covered
 
 
 def seen_through(
