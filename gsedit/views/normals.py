@@ -75,7 +75,7 @@ def estimate_normals(
     """
     if not len(scene):
         return Normals(scene.means, scene.means[:, 0])
-    seen_from = list(cameras) or _all_around(scene)
+    seen_from = list(cameras) or all_around(scene)
     chosen = [seen_from[i].fitted(VIEW_PIXELS) for i in evenly_spaced(len(seen_from), VIEWS)]
     axes = shortest_axes(scene)
     seen = torch.zeros_like(scene.means)
@@ -150,7 +150,7 @@ def normals_of_depth(camera: Camera, depth: Float[Tensor, "h w"]) -> Float[Tenso
     return normals.to(depth)
 
 
-def _all_around(scene: Gaussians) -> list[Camera]:
+def all_around(scene: Gaussians) -> list[Camera]:
     """Two rings of cameras, one above and one below the middle of a scene."""
     rings = (orbit(scene, VIEWS // 2, VIEW_PIXELS, elevation=each) for each in (ABOVE, -ABOVE))
     return [camera for ring in rings for camera in ring]

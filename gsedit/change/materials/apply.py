@@ -36,10 +36,12 @@ from gsedit.errors import UsageError
 from gsedit.scene.cache import cached_per_scene
 from gsedit.scene.color_space import LUMINANCE, linear_of_srgb, srgb_of_linear
 from gsedit.scene.framing import guess_up
+from gsedit.scene.neighbors import k_nearest
 from gsedit.scene.outcome import Outcome
 from gsedit.scene.quantiles import ends
 from gsedit.scene.quaternions import even_directions, turn_between
 from gsedit.views.dataset import evenly_spaced
+from gsedit.views.discs import Discs, discs_on
 from gsedit.views.normals import estimate_normals, neighbor_means, rows_near, visible_area
 from gsedit.views.paths import up_of
 from gsedit.views.shadows import past_body
@@ -56,7 +58,7 @@ from gsedit.views.surroundings import (
 from rasterizer.camera import Camera
 from rasterizer.harmonics import basis
 from rasterizer.numerics import AUTO, SH_DC, Execution, ruled, sh_to_color
-from rasterizer.scene import Gaussians
+from rasterizer.scene import Gaussians, concatenate
 
 ROUNDS = 12
 """Means over the nearest neighbors, one after the other: the surroundings of a Gaussian."""
@@ -66,6 +68,8 @@ HUE = 0.12
 """Difference in the share of a channel at which a color is half paint."""
 FLAT = 0.6
 """Share of darkness that stays where the surface is not hollow."""
+SPARSE = 6
+"""Discs for one of which light that arrives is computed: it changes slowly."""
 DEPTH = 3.0
 """Slope of a carved line, against the change of the logarithm of light between neighbors."""
 HOLLOW = 0.12
@@ -89,7 +93,40 @@ class Relief:
         return self.color @ torch.from_numpy(LUMINANCE).to(self.color)
 
 
-def carved(part: Gaussians, normals: Float[Tensor, "n 3"], rows: Int[Tensor, "n k"]) -> Relief:
+@dataclass(frozen=True, eq=False)
+class Few:
+    """Some of the Gaussians of a part, for what changes slowly over its surface."""
+
+    rows: Int[Tensor, " k"]
+    over: Int[Tensor, "n j"]
+    """The nearest of the few to each Gaussian: rows of `rows`."""
+    near: Int[Tensor, "k i"]
+    """The nearest of the few to each of them."""
+
+    def gathered(self, values: Float[Tensor, "n ..."]) -> Float[Tensor, "k ..."]:
+        """Sums over the Gaussians that each of the few stands for."""
+        return values.new_zeros(len(self.rows), *values.shape[1:]).index_add(
+            0, self.over[:, 0], values
+        )
+
+    def spread(self, values: Float[Tensor, "k ..."]) -> Float[Tensor, "n ..."]:
+        """Means over the nearest of the few."""
+        return values[self.over].mean(1)
+
+
+def few_of(part: Gaussians, discs: int, near: Int[Tensor, "n i"]) -> Few:
+    """One in SPARSE of a part's last Gaussians, which are `discs`, and all others."""
+    left = len(part) - discs
+    rows = torch.cat((torch.arange(left), torch.arange(left, len(part), SPARSE)))
+    if not discs:
+        return Few(rows, rows[:, None], near)
+    _, over = k_nearest(part.means[rows].numpy(), part.means.numpy(), min(3, len(rows)))
+    return Few(rows, torch.from_numpy(over), rows_near(part.means[rows]))
+
+
+def carved(
+    part: Gaussians, normals: Float[Tensor, "n 3"], rows: Int[Tensor, "n k"], few: Few
+) -> Relief:
     """The relief of a subject's Gaussians; `rows` are those of the nearest to each."""
     weights = torch.from_numpy(LUMINANCE).to(part.means)
     display = sh_to_color(part.sh[:, 0]).clamp(0, 1).double().numpy()
@@ -98,9 +135,8 @@ def carved(part: Gaussians, normals: Float[Tensor, "n 3"], rows: Int[Tensor, "n 
         ones = part.means.new_ones(len(part))
         return Relief(ones, torch.zeros_like(ones), linear)
     size = visible_area(part).clamp_min(1e-30)[:, None].to(linear)
-    around = neighbor_means(
-        torch.cat((linear, torch.ones_like(linear[:, :1])), 1) * size, rows, ROUNDS
-    )
+    sized = torch.cat((linear, torch.ones_like(linear[:, :1])), 1) * size
+    around = few.spread(neighbor_means(few.gathered(sized), few.near, ROUNDS))
     around = around[:, :3] / around[:, 3:]
     near = neighbor_means(linear, rows, 1)
     ratio = (near @ weights) / (around @ weights)
@@ -189,6 +225,7 @@ AT_ONCE = 1024
 class Studied:
     """Knowledge of a part of a scene that shading it in any material needs."""
 
+    laid: Laid
     light: Lighting
     skin: Skin
     ground: Ground
@@ -217,18 +254,19 @@ def in_material(
     it, only the Gaussians that are `shown` (None: all) are shaded, as for one picture.
     Raises UsageError for no Gaussians inside, or for ones that show no surface.
     """
-    studied = study(scene, inside, cameras, weights, material.is_matte)
+    studied = study(scene, inside, cameras, weights, material.is_matte, not material.is_plain)
     if studied.sure < UNSURE and not material.is_matte:
         raise UsageError(
             "the part's Gaussians show no surface that could reflect (they are needles or fog): "
             "clean the scene first with gsedit clean"
         )
+    laid = studied.laid
     degree = 0 if material.is_matte else DEGREE
-    sh = scene.with_degree(max(scene.degree, degree)).sh
-    rows = inside.nonzero().squeeze(-1)
+    sh = laid.scene.with_degree(max(scene.degree, degree)).sh
+    rows = laid.inside.nonzero().squeeze(-1)
     only = torch.arange(len(rows))
     if shown is not None and not material.is_matte:
-        only = shown[rows].nonzero().squeeze(-1)
+        only = shown[laid.origin[rows]].nonzero().squeeze(-1)
         rows = rows[only]
     colored = colors_of(studied, material, cameras, degree, only)
     bare = 1 - coverage(material.clings, studied.ground)[only]
@@ -236,7 +274,7 @@ def in_material(
     sh[rows, : colored.shape[1]] += ((1 - bare)[:, None, None] * colored).to(sh)
     raised = sh.shape[1] > scene.sh.shape[1]
     notes = (*studied.notes, *((RAISED.format(scene.degree),) if raised else ()))
-    return Outcome(replace(scene, sh=sh), torch.arange(len(scene)), inside, notes)
+    return Outcome(replace(laid.scene, sh=sh), laid.origin, laid.inside, notes)
 
 
 @cached_per_scene
@@ -246,41 +284,102 @@ def study(
     cameras: Sequence[Camera] = (),
     weights: Float[Tensor, " n"] | None = None,
     matte: bool = False,
+    fresh: bool = False,
 ) -> Studied:
-    """Normals, surroundings, shadows and carving of the Gaussians inside; for a `matte` material
-    without what only reflections need."""
-    if not len(part := scene[inside]):
+    """Surface, surroundings, shadows and carving of the Gaussians inside, under `fresh` discs where
+    they have a surface; for a `matte` material without what only reflections need."""
+    if not inside.any():
         raise UsageError("the material would be on no Gaussian: name what should be in it")
     up = up_of(cameras) if len(cameras) > 1 else guess_up(scene)
+    eyes = _eyes_within(scene[inside], cameras)
+    discs = discs_on(scene[inside], cameras) if fresh and eyes is None else None
+    laid = laid_on(scene, inside, discs)
+    part = laid.scene[laid.inside]
     near = rows_near(part.means)
-    found = estimate_normals(scene, cameras, inside=inside, near=near)
+    few = few_of(part, laid.count, near)
+    directions, confidence = _normals(scene, inside, cameras, discs, near)
     center, radius = middle(scene, inside)
-    relief = carved(part, found.directions, near)
-    normals = engraved(part.means, found.directions, relief, near)
+    relief = carved(part, directions, near, few)
+    normals = engraved(part.means, directions, relief, near)
     turn = torch.from_numpy(turn_between(up.numpy(), np.array((0.0, 0.0, 1.0)))).to(part.means)
     ground = Ground(
         (part.means - center) @ turn.T / max(radius, FAINT), normals @ turn.T, relief.hollow
     )
-    sure = float(found.confidence.median())
-    if (eyes := _eyes_within(part, cameras)) is not None:
+    sure = float(confidence.median())
+    if eyes is not None:
         around = light_at(scene, eyes, NEAR_EYES * radius, up, cameras=cameras)
         light = lighting(balanced(around), matte)
         skin = Skin(part.means, normals, relief.detail, torch.ones(len(part), RAYS))
         level = (relief.luminance / USUAL_ALBEDO).clamp(*LEVELS)[:, None, None]
-        return Studied(light, skin, ground, level.expand(-1, 2, 3), sure, ())
-    open_ = past_body(part, part.means, ray_directions().double(), normals=normals)
-    skin = Skin(part.means, normals, relief.detail, open_.to(normals))
+        return Studied(laid, light, skin, ground, level.expand(-1, 2, 3), sure, ())
+    some, flat = part[few.rows], directions[few.rows]
+    open_ = past_body(some, some.means, ray_directions().double(), normals=flat).to(normals)
+    bare = Skin(some.means, flat, relief.detail[few.rows], open_)
     around = find_surroundings(scene, inside, up, cameras=cameras)
     dim = False
     if not around.studio:
-        weight = (visible_area(part) if weights is None else weights[inside]).to(normals)
-        lit = as_shaded(around, relief.color, skin.share, weight, ray_directions().to(normals))
+        weight = visible_area(some) if weights is None or discs is not None else weights[inside]
+        lit = as_shaded(
+            around, relief.color[few.rows], bare.share, weight.to(normals),
+            ray_directions().to(normals),
+        )  # fmt: skip
         dim = lit is None
         around = with_studio(around, up) if lit is None else lit
     light = lighting(balanced(around), matte)
-    sides = torch.cat([arriving(light, skin[rows]) for rows in _parts(len(part))])
+    sides = torch.cat([arriving(light, bare[rows]) for rows in _parts(len(some))])
     notes = (STUDIO,) if around.studio else (DIM,) if dim else ()
-    return Studied(light, skin, ground, sides, sure, notes)
+    skin = Skin(part.means, normals, relief.detail, few.spread(open_))
+    return Studied(laid, light, skin, ground, few.spread(sides), sure, notes)
+
+
+@dataclass(frozen=True, eq=False)
+class Laid:
+    """A scene whose part has discs on it, its last Gaussians."""
+
+    scene: Gaussians
+    inside: Bool[Tensor, " m"]
+    origin: Int[Tensor, " m"]
+    """Row in the scene before: of a disc the nearest one's of the part."""
+    count: int
+    """Number of discs."""
+
+
+def laid_on(scene: Gaussians, inside: Bool[Tensor, " n"], discs: Discs | None) -> Laid:
+    """The scene with discs in place of the Gaussians that they cover."""
+    every = torch.arange(len(scene))
+    if discs is None:
+        return Laid(scene, inside, every, 0)
+    rows = every[inside]
+    kept = torch.ones_like(inside)
+    kept[rows[discs.covered]] = False
+    fresh = discs.scene.with_degree(scene.degree)
+    ones = torch.ones(len(fresh), dtype=torch.bool)
+    return Laid(
+        concatenate(scene[kept], fresh),
+        torch.cat((inside[kept], ones)),
+        torch.cat((every[kept], rows[discs.origin])),
+        len(fresh),
+    )
+
+
+def _normals(
+    scene: Gaussians,
+    inside: Bool[Tensor, " n"],
+    cameras: Sequence[Camera],
+    discs: Discs | None,
+    near: Int[Tensor, "m k"],
+) -> tuple[Float[Tensor, "m 3"], Float[Tensor, " m"]]:
+    """Normals of a part, and how sure they are: those of discs are."""
+    if discs is None:
+        found = estimate_normals(scene, cameras, inside=inside, near=near)
+        return found.directions, found.confidence
+    left = inside.clone()
+    left[inside.nonzero()[discs.covered]] = False
+    if not left.any():
+        return discs.normals, torch.ones(len(discs.normals))
+    found = estimate_normals(scene, cameras, inside=left)
+    ones = torch.ones(len(discs.normals))
+    return torch.cat((found.directions, discs.normals)), torch.cat((found.confidence, ones))
 
 
 def _eyes_within(part: Gaussians, cameras: Sequence[Camera]) -> Float[Tensor, "3"] | None:

@@ -72,6 +72,12 @@ class Material:
         return max(shiny) == 0 and rough >= MATTE
 
 
+    @property
+    def is_plain(self) -> bool:
+        """Whether it is one matte color: nothing of it is finer than a scene's Gaussians."""
+        return self.is_matte and not self.layers
+
+
 MATTE = 0.75
 """Roughness from which reflections of a surface without metal are not seen."""
 
