@@ -8,7 +8,7 @@ the views disagree on or nobody sees gets no disc. `n` Gaussians of the part, `d
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from jaxtyping import Bool, Float, Int
@@ -24,16 +24,22 @@ from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, SH_DC, Execution
 from rasterizer.scene import Gaussians
 
-CELLS = 176
+CELLS = 224
 """Cells along the longest side of a part: a disc is 1 / CELLS of it."""
 VIEWS = 32
 """Most views that are fused."""
-FINER = 1.6
+MARGIN = 0.06 * CELLS
+"""Cells beyond the bulk of a part in which its surface goes on."""
+FINER = 1.3
 """Pixels of a view in a cell: colors are finer than the surface."""
+PIT = 9
+"""Pixels of a hole in depth that is closed."""
 CUT = 4.0
 """Distance, in cells, at which distances are cut."""
-SOFT = 1.2
+SOFT = 1.5
 """Standard deviation of the smoothing, cells."""
+BAND = 5
+"""Cells, across, around what a view sees in which distances are told."""
 CLEAR = 0.1
 """Opacity below which a pixel tells that its ray meets nothing."""
 LEAST_VIEWS = 2
@@ -78,12 +84,13 @@ def discs_on(
         seen_surface(part, _in_cells(camera, part, cell), execution)
         for camera in _chosen(list(cameras) or all_around(part))
     ]
-    seen = [each for each in seen if bool(each.seen.any())]
+    seen = [without_pits(each) for each in seen if bool(each.seen.any())]
     if not seen:
         return None
     spread = torch.cat([each.spread[each.seen] for each in seen]).median()
     if cell > COARSER * float(spread):
         return None
+    low, high = low - MARGIN * cell, high + MARGIN * cell
     grid = _fused(seen, low, high, cell)
     points, normals = _zero(*grid)
     points = low + cell * points
@@ -116,17 +123,28 @@ def _in_cells(camera: Camera, part: Gaussians, cell: float) -> Camera:
     return camera.resized(*(max(16, round(share * each)) for each in (camera.width, camera.height)))
 
 
+def without_pits(seen: SeenSurface) -> SeenSurface:
+    """The surface without places, narrower than PIT pixels, where depth is behind all around: there
+    a view looks through the fit. Near edges stay where they are."""
+    from scipy.ndimage import grey_opening
+
+    depth = grey_opening(seen.depth.masked_fill(~seen.seen, torch.inf).numpy(), PIT)
+    return replace(seen, depth=torch.from_numpy(depth).masked_fill(~seen.seen, 0.0))
+
+
 def _fused(
     seen: Sequence[SeenSurface], low: Float[Tensor, "3"], high: Float[Tensor, "3"], cell: float
 ) -> tuple[Float[Tensor, "x y z"], Bool[Tensor, "x y z"]]:
     """Smoothed signed distances at the middles of cells from `low`, in CUT cells; where known."""
+    from scipy.ndimage import gaussian_filter, uniform_filter
+
     shape = torch.Size(((high - low) / cell).ceil().long().tolist())
     size, touched = torch.tensor(shape), torch.zeros(shape)
     for view in seen:
         at = ((view.points[view.seen].to(low) - low) / cell).floor().long()
         at = at[((at >= 0) & (at < size)).all(-1)]
         touched[tuple(at.T)] = 1.0
-    near = torch.nn.functional.max_pool3d(touched[None, None], 5, 1, 2)[0, 0].nonzero()
+    near = torch.from_numpy(uniform_filter(touched.numpy(), BAND)).gt(1e-5).nonzero()
     points = low + (near + 0.5) * cell
     total, count = points.new_zeros(2, len(points))
     for view in seen:
@@ -139,7 +157,7 @@ def _fused(
     known = count >= LEAST_VIEWS
     grids = torch.zeros(2, *shape)
     grids[(slice(None), *near.T)] = torch.stack((total / count.clamp_min(1) * known, known.float()))
-    soft = _softened(grids)
+    soft = [torch.from_numpy(gaussian_filter(each.numpy(), SOFT)) for each in grids]
     return soft[0] / soft[1].clamp_min(1e-6), grids[1] > 0
 
 
@@ -153,18 +171,6 @@ def _pixels(
     inside = (z > 0) & ((xy >= 0) & (xy < size)).all(-1)
     at = torch.where(inside[:, None], xy, 0).long()
     return inside, (at[:, 1], at[:, 0]), z.to(points)
-
-
-def _softened(grids: Float[Tensor, "c x y z"]) -> Float[Tensor, "c x y z"]:
-    """The grids, blurred along each axis."""
-    reach = round(3 * SOFT)
-    kernel = torch.exp(-0.5 * (torch.arange(-reach, reach + 1) / SOFT).square())
-    for axis in range(3):
-        shape, padding = [1] * 5, [0] * 3
-        shape[2 + axis], padding[axis] = len(kernel), reach
-        weights = kernel.reshape(shape)
-        grids = torch.nn.functional.conv3d(grids[:, None], weights, padding=padding)[:, 0]
-    return grids
 
 
 def _zero(

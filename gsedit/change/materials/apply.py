@@ -50,6 +50,7 @@ from gsedit.views.surroundings import (
     USUAL_ALBEDO,
     as_shaded,
     balanced,
+    contrasted,
     find_surroundings,
     light_at,
     middle,
@@ -216,6 +217,7 @@ LEVELS = (0.1, 1.6)
 """Least and largest light on such a part, as its old colors tell it."""
 STUDIO = "nothing is around it: it is lit by a studio"
 DIM = "what is around it is too dark to have lit it: a studio lights it where nothing is"
+MIXED = "what is around it gives few highlights: key lights and a dark floor are mixed in"
 RAISED = "reflections need SH of degree 3: the scene had {}, and its file grows"
 AT_ONCE = 1024
 """Gaussians that are shaded at once: 4 million pairs of cameras and directions, 16 MB."""
@@ -226,6 +228,7 @@ class Studied:
     """Knowledge of a part of a scene that shading it in any material needs."""
 
     laid: Laid
+    few: Few
     light: Lighting
     skin: Skin
     ground: Ground
@@ -308,10 +311,11 @@ def study(
     sure = float(confidence.median())
     if eyes is not None:
         around = light_at(scene, eyes, NEAR_EYES * radius, up, cameras=cameras)
-        light = lighting(balanced(around), matte)
+        around = balanced(around)
+        light = lighting(around, None if matte else around)
         skin = Skin(part.means, normals, relief.detail, torch.ones(len(part), RAYS))
         level = (relief.luminance / USUAL_ALBEDO).clamp(*LEVELS)[:, None, None]
-        return Studied(laid, light, skin, ground, level.expand(-1, 2, 3), sure, ())
+        return Studied(laid, few, light, skin, ground, level.expand(-1, 2, 3), sure, ())
     some, flat = part[few.rows], directions[few.rows]
     open_ = past_body(some, some.means, ray_directions().double(), normals=flat).to(normals)
     bare = Skin(some.means, flat, relief.detail[few.rows], open_)
@@ -325,11 +329,14 @@ def study(
         )  # fmt: skip
         dim = lit is None
         around = with_studio(around, up) if lit is None else lit
-    light = lighting(balanced(around), matte)
+    around = balanced(around)
+    mirrored, mixed = contrasted(around, up) if not matte else (None, False)
+    light = lighting(around, mirrored)
     sides = torch.cat([arriving(light, bare[rows]) for rows in _parts(len(some))])
     notes = (STUDIO,) if around.studio else (DIM,) if dim else ()
+    notes = (*notes, MIXED) if mixed and not around.studio else notes
     skin = Skin(part.means, normals, relief.detail, few.spread(open_))
-    return Studied(laid, light, skin, ground, few.spread(sides), sure, notes)
+    return Studied(laid, few, light, skin, ground, few.spread(sides), sure, notes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -409,14 +416,18 @@ def colors_of(
         return ((displayed(sent) - 0.5) / SH_DC)[:, None]
     own = studied.sides[:, 0] * surface.color
     eyes = torch.stack([c.center for c in cameras]).to(diffuse) if len(cameras) else None
+    directions, few = torch.from_numpy(even_directions(RAYS)).to(diffuse), studied.few
+    looked = diffuse.new_ones(len(few.rows), RAYS)
     if eyes is not None:
-        eyes = eyes[evenly_spaced(len(eyes), CAMERAS)]
-    directions = torch.from_numpy(even_directions(RAYS)).to(diffuse)
+        eyes, points = eyes[evenly_spaced(len(eyes), CAMERAS)], studied.skin.points[few.rows]
+        parts = _parts(len(points))
+        looked = torch.cat([looked_from(points[rows], directions, eyes) for rows in parts])
     found = [diffuse.new_zeros(0, (degree + 1) ** 2, 3)]
     for start in range(0, len(only), AT_ONCE):
         rows = only[start : start + AT_ONCE]
         skin, here = studied.skin[rows], surface[rows]
-        weights = view_weights(skin.points, skin.normals, directions, eyes)
+        seen = (skin.normals @ directions.T + BEHIND).clamp(0, 0.5)
+        weights = seen * looked[few.over[rows, 0]]
         at, way = (weights > 0).nonzero().unbind(-1)
         sent = outgoing(
             studied.light, material, here[at], skin[at], diffuse[rows][at], own[rows][at],
@@ -437,20 +448,14 @@ def displayed(light: Float[Tensor, "*s 3"]) -> Float[Tensor, "*s 3"]:
     return torch.from_numpy(srgb_of_linear(shown.numpy())).to(light)
 
 
-def view_weights(
-    points: Float[Tensor, "m 3"],
-    normals: Float[Tensor, "m 3"],
-    directions: Float[Tensor, "v 3"],
-    eyes: Float[Tensor, "c 3"] | None,
-) -> Float[Tensor, "m v"]:
-    """How much colors in each unit direction count: as many of the cameras at `eyes` are near it,
-    and as the surface is seen from there; the same all around without cameras."""
-    seen = (normals @ directions.T + BEHIND).clamp(0, 0.5)
-    if eyes is None:
-        return seen
+def looked_from(
+    points: Float[Tensor, "k 3"], directions: Float[Tensor, "v 3"], eyes: Float[Tensor, "c 3"]
+) -> Float[Tensor, "k v"]:
+    """How many of the cameras at `eyes` are near each unit direction, 1 in the mean, and a little
+    more."""
     to_cameras = torch.nn.functional.normalize(eyes - points[:, None], dim=-1)
     near = torch.exp(SHARPNESS * (to_cameras @ directions.T - 1)).mean(1)
-    return seen * (near / near.mean(1, keepdim=True) + AROUND_WEIGHT)
+    return near / near.mean(1, keepdim=True) + AROUND_WEIGHT
 
 
 def _parts(count: int) -> list[slice]:

@@ -10,17 +10,27 @@ Patterns are in radii of the subject, around its middle, +z up.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from math import pi
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from gsedit.change.materials.table import Layer, Material
 from gsedit.scene.color_space import linear_of_srgb, srgb_of_hex
 from gsedit.scene.quaternions import even_directions
 from gsedit.views.noise import noise
-from gsedit.views.surroundings import Surroundings, look_up, prefiltered, reflected, softened
+from gsedit.views.surroundings import (
+    ROWS,
+    Surroundings,
+    cell_directions,
+    cell_of,
+    look_up,
+    prefiltered,
+    reflected,
+    softened,
+)
 
 WAVES = 14
 """Plane waves of a noise on a subject: more look the same."""
@@ -178,6 +188,7 @@ USUAL_COSINE = 0.65
 """Mean cosine between the normals of a round thing and a view, weighted by what is seen."""
 FARTHEST = 1e3
 """Distance of a sky that nothing is known of, against the farthest thing that is seen."""
+FOLLOWS = 0.5
 COAT_ROUGHNESS = 0.08
 COAT_SPECULAR = 0.06
 THROUGH_BEND = 0.7
@@ -233,8 +244,17 @@ class Skin:
 
     def open_to(self, ways: Float[Tensor, "n 3"]) -> Float[Tensor, "n 1"]:
         """Share of the light from one direction each, between those that are known."""
-        near = torch.exp(BETWEEN * (ways @ ray_directions().to(ways).T - 1))
-        return (near * self.open).sum(1, keepdim=True) / near.sum(1, keepdim=True)
+        rays, weights = _rays_near()
+        cell = cell_of(ways, ROWS)
+        return (self.open.gather(1, rays[cell]) * weights[cell]).sum(1, keepdim=True)
+
+
+@lru_cache(1)
+def _rays_near() -> tuple[Int[Tensor, "c 3"], Float[Tensor, "c 3"]]:
+    """Rows of the directions of light that are nearest to each cell of a map, and their weights."""
+    cosines = cell_directions(ROWS).reshape(-1, 3) @ ray_directions().T
+    nearest, rays = cosines.topk(3)
+    return rays, torch.softmax(BETWEEN * nearest, -1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -251,10 +271,10 @@ class Reflectance:
         return Reflectance(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
 
 
-def lighting(surroundings: Surroundings, matte: bool = False) -> Lighting:
-    """The surroundings, made ready; without `maps` for what is matte."""
+def lighting(surroundings: Surroundings, mirrored: Surroundings | None = None) -> Lighting:
+    """The surroundings, made ready, and as they are mirrored; without `maps` for what is matte."""
     plain = softened(surroundings, ARRIVING)
-    maps = plain[None][:0] if matte else prefiltered(surroundings)
+    maps = plain[None][:0] if mirrored is None else prefiltered(mirrored)
     return Lighting(surroundings, maps, plain)
 
 
@@ -320,7 +340,7 @@ def outgoing(
         skin.normals + (GRAZING - cosine).clamp_min(0)[:, None] * views, dim=-1
     )
     cosine = (facing * views).sum(-1).clamp(GRAZING, 1)
-    mirror = 2 * cosine[:, None] * facing - views
+    mirror = torch.nn.functional.normalize(facing + FOLLOWS * (cosine[:, None] * facing - views), dim=-1)
     seen = skin.open_to(mirror)
     head_on = torch.lerp(
         torch.full_like(surface.color, material.specular),
