@@ -30,9 +30,9 @@ VIEWS = 32
 """Most views that are fused."""
 MARGIN = 0.06 * CELLS
 """Cells beyond the bulk of a part in which its surface goes on."""
-FINER = 1.3
+FINER = 2.0
 """Pixels of a view in a cell: colors are finer than the surface."""
-PIT = 9
+PIT = 13
 """Pixels of a hole in depth that is closed."""
 CUT = 4.0
 """Distance, in cells, at which distances are cut."""
@@ -42,6 +42,8 @@ BAND = 5
 """Cells, across, around what a view sees in which distances are told."""
 CLEAR = 0.1
 """Opacity below which a pixel tells that its ray meets nothing."""
+STRAIGHT = 6
+"""Power of the cosine to a view by which its colors count: slanted looks are smeared."""
 LEAST_VIEWS = 2
 """Views that a cell needs."""
 WIDTH, THICKNESS = 0.62, 0.1
@@ -206,7 +208,7 @@ def _colors(
     for view in seen:
         inside, pixels, z = _pixels(view, points)
         away = torch.nn.functional.normalize(view.camera.center.to(points) - points, dim=-1)
-        straight = (normals * away).sum(-1).clamp_min(0).square()
+        straight = (normals * away).sum(-1).clamp_min(0) ** STRAIGHT
         sees = inside & ((view.depth.to(points)[pixels] - z).abs() < ABOVE * cell)
         strength = (straight * sees)[:, None]
         total += strength * view.color[pixels] / view.alpha[pixels].clamp_min(0.5)[:, None]

@@ -132,6 +132,8 @@ KEYS = ((1.0, 0.6, 0.9, 0.35, 9.0), (-0.7, 0.9, 0.6, 0.3, 6.0), (-0.4, -1.0, 0.8
 may look from."""
 DARK_FLOOR, HORIZON = 0.25, 0.05
 """Light of the floor then, against what it was, and the sine of the angle below which it is."""
+PALER = 0.5
+"""Share of the colors of surroundings that mirrors leave out: gold among trees is gold."""
 MIXED = (0.0, 0.25, 0.5, 0.75, 1.0)
 """Strengths that are tried."""
 GLOSS = 0.3
@@ -329,6 +331,7 @@ def contrasted(
     height = (cell_directions(ROWS) @ torch.nn.functional.normalize(up.float(), dim=0)).to(before)
     floor = torch.sigmoid(-(height + HORIZON) / 0.06)[..., None]
     keys = mean * lamps(up, KEYS).to(before)[..., None]
+    before = torch.lerp(before, (before @ luminance)[..., None], PALER)
     found = surroundings
     for strength in MIXED:
         radiance = before * (1 - strength * (1 - DARK_FLOOR) * floor) + strength * keys

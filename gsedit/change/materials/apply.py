@@ -63,14 +63,16 @@ from rasterizer.scene import Gaussians, concatenate
 
 ROUNDS = 12
 """Means over the nearest neighbors, one after the other: the surroundings of a Gaussian."""
-DETAIL = (0.45, 1.15)
+DETAIL = (0.4, 1.2)
 """Least and largest ratio to the surroundings, in linear light, that counts as carving."""
 HUE = 0.12
 """Difference in the share of a channel at which a color is half paint."""
-FLAT = 0.6
+FLAT = 0.5
 """Share of darkness that stays where the surface is not hollow."""
 SPARSE = 6
 """Discs for one of which light that arrives is computed: it changes slowly."""
+DEEP = 0.65
+"""Ratio to the surroundings below which darkness counts as a hole: a mouth, an eye."""
 DEPTH = 3.0
 """Slope of a carved line, against the change of the logarithm of light between neighbors."""
 HOLLOW = 0.12
@@ -144,14 +146,14 @@ def carved(
     hue = (near / near.sum(1, keepdim=True) - around / around.sum(1, keepdim=True)).abs().amax(1)
     hue = hue * ratio.clamp(0, 1)  # what is black has no hue: it may be a crack
     stone = 1 / (1 + (hue / HUE).square())
-    offset = torch.nn.functional.normalize(part.means[rows] - part.means[:, None], dim=-1)
-    rise = neighbor_means(((offset * normals[:, None]).sum(-1)).mean(1, keepdim=True), rows, 2)[
-        :, 0
-    ]
-    hollow = (rise / HOLLOW).clamp(0, 1)
-    kept = stone * (FLAT + (1 - FLAT) * hollow)
+    points = part.means[few.rows]
+    offset = torch.nn.functional.normalize(points[few.near] - points[:, None], dim=-1)
+    rise = (offset * normals[few.rows, None]).sum(-1).mean(1)
+    hollow = few.spread(neighbor_means(rise, few.near, 2) / HOLLOW).clamp(0, 1)
+    deep = ((DEEP - ratio) / (DEEP - DETAIL[0])).clamp(0, 1)
+    kept = stone * (FLAT + (1 - FLAT) * torch.maximum(hollow, deep))
     detail = ratio.clamp(*DETAIL) ** kept
-    dark = ((1 - ratio) / (1 - DETAIL[0])).clamp(0, 1) * stone
+    dark = ((1 - ratio) / (1 - DETAIL[0])).clamp(0, 1) * kept
     return Relief(detail, torch.maximum(hollow, dark).clamp(0, 1), around)
 
 

@@ -35,6 +35,8 @@ from gsedit.views.surroundings import (
 WAVES = 14
 """Plane waves of a noise on a subject: more look the same."""
 OCTAVES = 4
+LEAST_HOLLOW = 0.45
+"""How hollow crevices are at least: what is nearly flat has none, whatever their share."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +57,8 @@ def share_of(layer: Layer, ground: Ground) -> Float[Tensor, " n"]:
     if not len(field):
         return field
     edge = torch.quantile(_some(field), 1 - min(max(layer.share, 0.0), 1.0))
-    return torch.sigmoid((field - edge) / width)
+    least = LEAST_HOLLOW if layer.pattern == "crevices" else -torch.inf
+    return torch.sigmoid((field - edge.clamp_min(least)) / width)
 
 
 def coverage(layers: tuple[Layer, ...], ground: Ground) -> Float[Tensor, " n"]:
@@ -188,9 +191,9 @@ USUAL_COSINE = 0.65
 """Mean cosine between the normals of a round thing and a view, weighted by what is seen."""
 FARTHEST = 1e3
 """Distance of a sky that nothing is known of, against the farthest thing that is seen."""
-FOLLOWS = 0.5
+FOLLOWS = 0.35
 COAT_ROUGHNESS = 0.08
-COAT_SPECULAR = 0.06
+COAT_SPECULAR = 0.1
 THROUGH_BEND = 0.7
 """Share of the view direction that is left in light that has come through a solid: the rest is
 turned towards the inside."""

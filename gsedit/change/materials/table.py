@@ -164,12 +164,12 @@ STONES = {
         "#f1efeb", roughness=0.35, coat=0.5, translucency=0.25,
         layers=(
             Layer("patches", "#dcdad6", 0.3, 0.6, roughness=0.35),
-            Layer("veins", "#6f7076", 0.14, 0.5, roughness=0.35),
+            Layer("veins", "#6f7076", 0.08, 0.5, roughness=0.35),
         ),
     ),
     "granite": _stone(
-        "#8f8a86", 0.8, Layer("specks", "#55504e", 0.3, 0.035),
-        Layer("specks", "#c9c2ba", 0.2, 0.05)
+        "#9a9490", 0.8, Layer("specks", "#d9d3cc", 0.3, 0.024), Layer("specks", "#a87f72", 0.1, 0.03),
+        Layer("specks", "#2b2828", 0.2, 0.017)
     ),
     "sandstone": _stone(
         "#d0ab77", 0.95, Layer("strata", "#b98a58", 0.4, 0.12),
