@@ -89,7 +89,7 @@ def estimate_normals(
     own = axes * _sign((axes * lit).sum(-1, keepdim=True))
     away = torch.nn.functional.normalize(means - middle, dim=-1)
     evidence = seen + AXIS_PIXELS * own - 10 * FAINT * away
-    return _smoothed(evidence, rows_near(means) if near is None else near)
+    return smoothed(evidence, rows_near(means) if near is None else near)
 
 
 def rows_near(means: Float[Tensor, "n 3"]) -> Int[Tensor, "n k"]:
@@ -169,7 +169,9 @@ def _view_normals(
     return blended + DEPTH_SHARE * normals_of_depth(camera, drawn.median_depth)
 
 
-def _smoothed(evidence: Float[Tensor, "n 3"], rows: Int[Tensor, "n k"]) -> Normals:
+def smoothed(
+    evidence: Float[Tensor, "n 3"], rows: Int[Tensor, "n k"], rounds: int = SMOOTHING_ROUNDS
+) -> Normals:
     """Unit normals, mixed with those of neighbors that face alike; and their agreement.
 
     Each counts by the logarithm of its evidence: one near a camera does not outweigh all others.
@@ -180,7 +182,7 @@ def _smoothed(evidence: Float[Tensor, "n 3"], rows: Int[Tensor, "n k"]) -> Norma
     weight = torch.log1p(strength / typical)[:, None]
     unit = evidence / strength.clamp_min(FAINT)[:, None]
     agreement = torch.ones_like(strength)
-    for _ in range(SMOOTHING_ROUNDS if rows.shape[1] else 0):
+    for _ in range(rounds if rows.shape[1] else 0):
         near = unit[rows]
         alike = (near * unit[:, None]).sum(-1, keepdim=True).clamp(0, 1) ** ALIKE
         total = weight * unit + (alike * weight[rows] * near).sum(1)

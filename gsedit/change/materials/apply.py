@@ -27,6 +27,7 @@ from gsedit.change.materials.shading import (
     coverage,
     everywhere,
     lighting,
+    opacity_of,
     outgoing,
     ray_directions,
     reflectance,
@@ -42,7 +43,7 @@ from gsedit.scene.quantiles import ends
 from gsedit.scene.quaternions import even_directions, turn_between
 from gsedit.views.dataset import evenly_spaced
 from gsedit.views.discs import Discs, discs_on
-from gsedit.views.normals import estimate_normals, neighbor_means, rows_near, visible_area
+from gsedit.views.normals import estimate_normals, neighbor_means, rows_near, smoothed, visible_area
 from gsedit.views.paths import up_of
 from gsedit.views.shadows import past_body
 from gsedit.views.surroundings import (
@@ -279,7 +280,11 @@ def in_material(
     sh[rows, : colored.shape[1]] += ((1 - bare)[:, None, None] * colored).to(sh)
     raised = sh.shape[1] > scene.sh.shape[1]
     notes = (*studied.notes, *((RAISED.format(scene.degree),) if raised else ()))
-    return Outcome(replace(laid.scene, sh=sh), laid.origin, laid.inside, notes)
+    logits = laid.scene.logit_opacities.clone()
+    logits[len(logits) - laid.count :] = float(torch.logit(torch.tensor(opacity_of(material))))
+    return Outcome(
+        replace(laid.scene, sh=sh, logit_opacities=logits), laid.origin, laid.inside, notes
+    )
 
 
 @cached_per_scene
@@ -304,6 +309,9 @@ def study(
     few = few_of(part, laid.count, near)
     directions, confidence = _normals(scene, inside, cameras, discs, near)
     center, radius = middle(scene, inside)
+    if discs is not None:
+        coarse = few.spread(smoothed(directions[few.rows], few.near).directions)
+        directions = smoothed(coarse, near).directions
     relief = carved(part, directions, near, few)
     normals = engraved(part.means, directions, relief, near)
     turn = torch.from_numpy(turn_between(up.numpy(), np.array((0.0, 0.0, 1.0)))).to(part.means)
@@ -433,7 +441,7 @@ def colors_of(
         at, way = (weights > 0).nonzero().unbind(-1)
         sent = outgoing(
             studied.light, material, here[at], skin[at], diffuse[rows][at], own[rows][at],
-            directions[way],
+            directions[way], studied.laid.count > 0,
         )  # fmt: skip
         shown = sent.new_full((*weights.shape, 3), 0.5)
         shown[at, way] = displayed(sent)

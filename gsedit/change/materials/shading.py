@@ -192,6 +192,9 @@ USUAL_COSINE = 0.65
 FARTHEST = 1e3
 """Distance of a sky that nothing is known of, against the farthest thing that is seen."""
 FOLLOWS = 0.35
+"""Share of the way that mirrors turn with the eye: SH of degree 3 blur light by 60 degrees of view,
+which are so many fewer of the surroundings, and highlights stay sharp."""
+OPAQUE, LAYERS = 0.993, 2.0
 COAT_ROUGHNESS = 0.08
 COAT_SPECULAR = 0.1
 THROUGH_BEND = 0.7
@@ -323,6 +326,11 @@ def arriving(light: Lighting, skin: Skin) -> Float[Tensor, "n 2 3"]:
     return torch.stack(sides, 1)
 
 
+def opacity_of(material: Material) -> float:
+    """Opacity of one disc in a material, of which about LAYERS lie on each other."""
+    return min(OPAQUE, 1 - material.transmission ** (1 / LAYERS))
+
+
 def outgoing(
     light: Lighting,
     material: Material,
@@ -331,11 +339,13 @@ def outgoing(
     diffuse: Float[Tensor, "p 3"],
     own: Float[Tensor, "p 3"],
     views: Float[Tensor, "p 3"],
+    clear: bool = False,
 ) -> Float[Tensor, "p 3"]:
     """Linear light that points of a skin send in unit directions `views`, to cameras.
 
     `diffuse` is what its body sends everywhere (see `body`), `own` what the subject sends where it
-    hides its surroundings.
+    hides its surroundings. A `clear` skin lets light through: what it mirrors is brighter before
+    blending.
     """
     cosine = (skin.normals * views).sum(-1)
     # views from behind see the rim: the normal is turned just so far that it is in sight
@@ -343,7 +353,8 @@ def outgoing(
         skin.normals + (GRAZING - cosine).clamp_min(0)[:, None] * views, dim=-1
     )
     cosine = (facing * views).sum(-1).clamp(GRAZING, 1)
-    mirror = torch.nn.functional.normalize(facing + FOLLOWS * (cosine[:, None] * facing - views), dim=-1)
+    aside = cosine[:, None] * facing - views
+    mirror = torch.nn.functional.normalize(facing + FOLLOWS * aside, dim=-1)
     seen = skin.open_to(mirror)
     head_on = torch.lerp(
         torch.full_like(surface.color, material.specular),
@@ -365,7 +376,8 @@ def outgoing(
         glaze = torch.full_like(head_on, COAT_SPECULAR)
         share = environment_brdf(glaze, smooth, cosine) * surface.coat[:, None]
         gloss = torch.lerp(own, reflected(light.maps, bent, smooth), seen)
-        sent = sent * (1 - share) + gloss * share
+        opaque = 1 - material.transmission if clear else 1.0
+        sent = sent * (1 - share) + gloss * share / opaque
     return sent * skin.detail[:, None] + surface.glow[:, None] * surface.color
 
 

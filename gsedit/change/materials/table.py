@@ -129,9 +129,10 @@ def _soft(color: str, translucency: float = 0.3, *layers: Layer) -> Material:
 
 _VERDIGRIS = Layer("crevices", "#6fae9c", share=0.4, scale=0.15)
 _RUST = (
-    Layer("patches", "#7a3d1c", share=0.75, scale=0.25, roughness=0.95),
-    Layer("specks", "#b5632a", share=0.35, scale=0.06, roughness=0.95),
-    Layer("patches", "#4a2413", share=0.2, scale=0.12, roughness=0.95),
+    Layer("patches", "#7a3d1c", share=0.88, scale=0.25, roughness=0.95),
+    Layer("patches", "#a5562a", share=0.4, scale=0.1, roughness=0.95),
+    Layer("specks", "#b9682f", share=0.3, scale=0.02, roughness=0.95),
+    Layer("patches", "#4a2413", share=0.2, scale=0.06, roughness=0.95),
 )
 
 METALS = {
@@ -248,8 +249,9 @@ GROWN = {
                       layers=(Layer("grain", "#e3d5b0", 0.3, 0.05, 0.0, 0.45),)),
     "bone": _soft("#e3dac6", 0.15, Layer("patches", "#cdbf9f", 0.3, 0.3)),
     "moss": Material("#5d7a33", roughness=1.0,
-                     layers=(Layer("specks", "#83a048", 0.4, 0.05),
-                             Layer("specks", "#3a5220", 0.3, 0.08)),
+                     layers=(Layer("patches", "#6f8a3a", 0.4, 0.15),
+                             Layer("specks", "#8ba54e", 0.35, 0.02),
+                             Layer("specks", "#35491d", 0.35, 0.025)),
                      clings=(Layer("up", "#5d7a33", 0.5, 0.18),
                              Layer("crevices", "#5d7a33", 0.12, 0.1))),
     "straw": _stone("#d8bf72", 1.0, Layer("grain", "#a88c42", 0.4, 0.03)),
