@@ -2,7 +2,7 @@
 
 Each view tells how far points near the surface lie before what it sees or behind it; the mean of
 that, smoothed, is 0 on the surface (Curless and Levoy 1996). Needles and noise of a fit go; what
-the views disagree on or nobody sees gets no disc. `n` Gaussians of the part, `d` discs; world units.
+nobody sees gets no disc. `n` Gaussians of the part, `d` discs; world units.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from torch import Tensor
 
 from gsedit.formats.mesh import turned_to
 from gsedit.scene.neighbors import k_nearest
-from gsedit.scene.quantiles import ends
+from gsedit.scene.quantiles import ends, weighted_quantile
 from gsedit.views.dataset import evenly_spaced
 from gsedit.views.depth import SeenSurface, seen_surface
-from gsedit.views.normals import all_around
+from gsedit.views.normals import all_around, visible_area
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, SH_DC, Execution
 from rasterizer.scene import Gaussians
@@ -52,8 +52,9 @@ LOGIT = 5.0
 """Logit of a disc's opacity."""
 ABOVE, ASIDE = 2.5, 2.0
 """Largest height over a disc and distance aside, in cells, of the Gaussians that it stands for."""
-COARSER = 3.0
-"""Cells, in the median standard deviation of what is seen, beyond which discs would lose detail."""
+FINEST, COARSEST = 0.25, 3.0
+"""Least and largest cell, in the median standard deviation of the part's Gaussians: finer discs
+show nothing more, and of coarser ones detail is lost."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,18 +80,15 @@ def discs_on(
     """The discs on a part as the cameras see it alone, rings of cameras without any; None where
     there is no surface, or one of finer Gaussians than the discs would be."""
     low, high = ends(part.means, 0.003)
-    cell = float((high - low).amax()) / CELLS
-    if cell <= 0:
+    sizes = part.log_scales.sort(-1).values[:, 1:].mean(-1, keepdim=True)
+    usual = float(weighted_quantile(sizes, visible_area(part).to(sizes), 0.5).exp())
+    cell = max(float((high - low).amax()) / CELLS, FINEST * usual)
+    if cell <= 0 or cell > COARSEST * usual:
         return None
-    seen = [
-        seen_surface(part, _in_cells(camera, part, cell), execution)
-        for camera in _chosen(list(cameras) or all_around(part))
-    ]
+    views = [_in_cells(camera, part, cell) for camera in _chosen(list(cameras) or all_around(part))]
+    seen = [seen_surface(part, view, execution) for view in views]
     seen = [without_pits(each) for each in seen if bool(each.seen.any())]
     if not seen:
-        return None
-    spread = torch.cat([each.spread[each.seen] for each in seen]).median()
-    if cell > COARSER * float(spread):
         return None
     low, high = low - MARGIN * cell, high + MARGIN * cell
     grid = _fused(seen, low, high, cell)

@@ -319,9 +319,7 @@ def lamps(
     return light
 
 
-def contrasted(
-    surroundings: Surroundings, up: Float[Tensor, "3"]
-) -> tuple[Surroundings, bool]:
+def contrasted(surroundings: Surroundings, up: Float[Tensor, "3"]) -> tuple[Surroundings, bool]:
     """The surroundings as metals need them, and whether that is more than they were: key lights and
     a dark floor are mixed in until there are highlights and dark edges; as bright as before."""
     luminance = torch.from_numpy(LUMINANCE).to(surroundings.radiance)

@@ -71,7 +71,6 @@ class Material:
         shiny += [layer.metalness for layer in self.layers]
         return max(shiny) == 0 and rough >= MATTE
 
-
     @property
     def is_plain(self) -> bool:
         """Whether it is one matte color: nothing of it is finer than a scene's Gaussians."""
@@ -169,8 +168,8 @@ STONES = {
         ),
     ),
     "granite": _stone(
-        "#9a9490", 0.8, Layer("specks", "#d9d3cc", 0.3, 0.024), Layer("specks", "#a87f72", 0.1, 0.03),
-        Layer("specks", "#2b2828", 0.2, 0.017)
+        "#9a9490", 0.8, Layer("specks", "#d9d3cc", 0.3, 0.024),
+        Layer("specks", "#a87f72", 0.1, 0.03), Layer("specks", "#2b2828", 0.2, 0.017),
     ),
     "sandstone": _stone(
         "#d0ab77", 0.95, Layer("strata", "#b98a58", 0.4, 0.12),
