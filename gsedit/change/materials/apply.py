@@ -72,7 +72,7 @@ FLAT = 0.5
 """Share of darkness that stays where the surface is not hollow."""
 SPARSE = 6
 """Discs for one of which light that arrives is computed: it changes slowly."""
-DEEP = 0.65
+DEEP = 0.5
 """Ratio to the surroundings below which darkness counts as a hole: a mouth, an eye."""
 DEPTH = 3.0
 """Slope of a carved line, against the change of the logarithm of light between neighbors."""

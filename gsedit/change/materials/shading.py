@@ -195,8 +195,10 @@ FOLLOWS = 0.35
 """Share of the way that mirrors turn with the eye: SH of degree 3 blur light by 60 degrees of view,
 which are so many fewer of the surroundings, and highlights stay sharp."""
 OPAQUE, LAYERS = 0.993, 2.0
+"""Largest opacity of a disc, and how many lie on each other where one looks."""
 COAT_ROUGHNESS = 0.08
 COAT_SPECULAR = 0.1
+"""Reflectance of a coat head on: more than glass has, whose mirrored lamps are small and clip."""
 THROUGH_BEND = 0.7
 """Share of the view direction that is left in light that has come through a solid: the rest is
 turned towards the inside."""
