@@ -64,13 +64,13 @@ class Discs:
     scene: Gaussians
     """The discs, SH of degree 0: the mean colors that views see."""
     normals: Float[Tensor, "d 3"]
-    """Outward unit normals."""
+    """Unit normals of the discs, outwards."""
     origin: Int[Tensor, " d"]
     """The nearest Gaussian of the part."""
     covered: Bool[Tensor, " n"]
     """The part's Gaussians that the discs stand for: those on the surface and behind it."""
     cell: float
-    """Distance of neighbors."""
+    """Distance of neighboring discs, about."""
 
 
 @torch.no_grad()
@@ -176,7 +176,7 @@ def _pixels(
 def _zero(
     values: Float[Tensor, "x y z"], known: Bool[Tensor, "x y z"]
 ) -> tuple[Float[Tensor, "d 3"], Float[Tensor, "d 3"]]:
-    """Where values are 0 between neighbors, in cells, and the unit slopes there."""
+    """Places between cells at which values are 0, in cells, and the unit slopes there."""
     slope = torch.stack(torch.gradient(values), -1)
     points, normals = [], []
     for axis in range(3):

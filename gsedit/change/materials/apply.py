@@ -49,6 +49,7 @@ from gsedit.views.shadows import past_body
 from gsedit.views.surroundings import (
     FAINT,
     USUAL_ALBEDO,
+    Surroundings,
     as_shaded,
     balanced,
     contrasted,
@@ -310,18 +311,15 @@ def study(
     directions, confidence = _normals(scene, inside, cameras, discs, near)
     center, radius = middle(scene, inside)
     if discs is not None:
-        coarse = few.spread(smoothed(directions[few.rows], few.near).directions)
-        directions = smoothed(coarse, near).directions
+        directions = _smoother(directions, few, near)
     relief = carved(part, directions, near, few)
     normals = engraved(part.means, directions, relief, near)
     turn = torch.from_numpy(turn_between(up.numpy(), np.array((0.0, 0.0, 1.0)))).to(part.means)
-    ground = Ground(
-        (part.means - center) @ turn.T / max(radius, FAINT), normals @ turn.T, relief.hollow
-    )
+    points = (part.means - center) @ turn.T / max(radius, FAINT)
+    ground = Ground(points, normals @ turn.T, relief.hollow)
     sure = float(confidence.median())
     if eyes is not None:
-        around = light_at(scene, eyes, NEAR_EYES * radius, up, cameras=cameras)
-        around = balanced(around)
+        around = balanced(light_at(scene, eyes, NEAR_EYES * radius, up, cameras=cameras))
         light = lighting(around, None if matte else around)
         skin = Skin(part.means, normals, relief.detail, torch.ones(len(part), RAYS))
         level = (relief.luminance / USUAL_ALBEDO).clamp(*LEVELS)[:, None, None]
@@ -329,24 +327,42 @@ def study(
     some, flat = part[few.rows], directions[few.rows]
     open_ = past_body(some, some.means, ray_directions().double(), normals=flat).to(normals)
     bare = Skin(some.means, flat, relief.detail[few.rows], open_)
+    weight = visible_area(some) if weights is None or discs is not None else weights[inside]
     around = find_surroundings(scene, inside, up, cameras=cameras)
-    dim = False
-    if not around.studio:
-        weight = visible_area(some) if weights is None or discs is not None else weights[inside]
-        lit = as_shaded(
-            around, relief.color[few.rows], bare.share, weight.to(normals),
-            ray_directions().to(normals),
-        )  # fmt: skip
-        dim = lit is None
-        around = with_studio(around, up) if lit is None else lit
-    around = balanced(around)
-    mirrored, mixed = contrasted(around, up) if not matte else (None, False)
-    light = lighting(around, mirrored)
+    light, notes = _light(around, up, relief.color[few.rows], bare.share, weight, matte)
     sides = torch.cat([arriving(light, bare[rows]) for rows in _parts(len(some))])
-    notes = (STUDIO,) if around.studio else (DIM,) if dim else ()
-    notes = (*notes, MIXED) if mixed and not around.studio else notes
     skin = Skin(part.means, normals, relief.detail, few.spread(open_))
     return Studied(laid, few, light, skin, ground, few.spread(sides), sure, notes)
+
+
+def _smoother(
+    normals: Float[Tensor, "m 3"], few: Few, near: Int[Tensor, "m k"]
+) -> Float[Tensor, "m 3"]:
+    """Normals of discs, without waves of a few discs' length; edges stay sharp."""
+    coarse = few.spread(smoothed(normals[few.rows], few.near).directions)
+    return smoothed(coarse, near).directions
+
+
+def _light(
+    around: Surroundings,
+    up: Float[Tensor, "3"],
+    color: Float[Tensor, "k 3"],
+    share: Float[Tensor, "k d"],
+    weight: Float[Tensor, " k"],
+    matte: bool,
+) -> tuple[Lighting, tuple[str, ...]]:
+    """Light on a part that shows these colors, and what was added to it, in words."""
+    notes = [STUDIO] if around.studio else []
+    if not around.studio:
+        lit = as_shaded(around, color, share, weight.to(share), ray_directions().to(share))
+        notes += [DIM] if lit is None else []
+        around = with_studio(around, up) if lit is None else lit
+    around = balanced(around)
+    if matte:
+        return lighting(around), tuple(notes)
+    mirrored, mixed = contrasted(around, up)
+    notes += [MIXED] if mixed and not around.studio else []
+    return lighting(around, mirrored), tuple(notes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -358,7 +374,7 @@ class Laid:
     origin: Int[Tensor, " m"]
     """Row in the scene before: of a disc the nearest one's of the part."""
     count: int
-    """Number of discs."""
+    """Number of discs among its Gaussians, which are its last ones."""
 
 
 def laid_on(scene: Gaussians, inside: Bool[Tensor, " n"], discs: Discs | None) -> Laid:

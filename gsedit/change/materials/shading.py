@@ -194,7 +194,7 @@ FARTHEST = 1e3
 FOLLOWS = 0.35
 """Share of the way that mirrors turn with the eye: SH of degree 3 blur light by 60 degrees of view,
 which are so many fewer of the surroundings, and highlights stay sharp."""
-OPAQUE, LAYERS = 0.993, 2.0
+OPAQUE, LAYERS = 0.993, 3.0
 """Largest opacity of a disc, and how many lie on each other where one looks."""
 COAT_ROUGHNESS = 0.08
 COAT_SPECULAR = 0.1
@@ -358,11 +358,8 @@ def outgoing(
     aside = cosine[:, None] * facing - views
     mirror = torch.nn.functional.normalize(facing + FOLLOWS * aside, dim=-1)
     seen = skin.open_to(mirror)
-    head_on = torch.lerp(
-        torch.full_like(surface.color, material.specular),
-        surface.color,
-        surface.metalness[:, None],
-    )
+    stone = torch.full_like(surface.color, material.specular)
+    head_on = torch.lerp(stone, surface.color, surface.metalness[:, None])
     rough = surface.roughness
     bent = mirror_of(light, skin.points, mirror)
     sharp = torch.lerp(own, reflected(light.maps, bent, rough), seen)
@@ -378,8 +375,7 @@ def outgoing(
         glaze = torch.full_like(head_on, COAT_SPECULAR)
         share = environment_brdf(glaze, smooth, cosine) * surface.coat[:, None]
         gloss = torch.lerp(own, reflected(light.maps, bent, smooth), seen)
-        opaque = 1 - material.transmission if clear else 1.0
-        sent = sent * (1 - share) + gloss * share / opaque
+        sent = sent * (1 - share) + gloss * share / (1 - clear * material.transmission)
     return sent * skin.detail[:, None] + surface.glow[:, None] * surface.color
 
 
