@@ -261,6 +261,8 @@ def in_material(
     it, only the Gaussians that are `shown` (None: all) are shaded, as for one picture.
     Raises UsageError for no Gaussians inside, or for ones that show no surface.
     """
+    if not inside.any():
+        raise UsageError("the material would be on no Gaussian: name what should be in it")
     studied = study(scene, inside, cameras, weights, material.is_matte, not material.is_plain)
     if studied.sure < UNSURE and not material.is_matte:
         raise UsageError(
@@ -299,8 +301,6 @@ def study(
 ) -> Studied:
     """Surface, surroundings, shadows and carving of the Gaussians inside, under `fresh` discs where
     they have a surface; for a `matte` material without what only reflections need."""
-    if not inside.any():
-        raise UsageError("the material would be on no Gaussian: name what should be in it")
     up = up_of(cameras) if len(cameras) > 1 else guess_up(scene)
     eyes = _eyes_within(scene[inside], cameras)
     discs = discs_on(scene[inside], cameras) if fresh and eyes is None else None
@@ -310,20 +310,20 @@ def study(
     few = few_of(part, laid.count, near)
     directions, confidence = _normals(scene, inside, cameras, discs, near)
     center, radius = middle(scene, inside)
-    if discs is not None:
-        directions = _smoother(directions, few, near)
+    directions = _smoother(directions, few, near) if laid.count else directions
     relief = carved(part, directions, near, few)
     normals = engraved(part.means, directions, relief, near)
-    turn = torch.from_numpy(turn_between(up.numpy(), np.array((0.0, 0.0, 1.0)))).to(part.means)
-    points = (part.means - center) @ turn.T / max(radius, FAINT)
-    ground = Ground(points, normals @ turn.T, relief.hollow)
+    turn = torch.from_numpy(turn_between(up.numpy(), np.array((0.0, 0.0, 1.0)))).to(part.means).T
+    ground = Ground(
+        (part.means - center) @ turn / max(radius, FAINT), normals @ turn, relief.hollow
+    )
     sure = float(confidence.median())
     if eyes is not None:
         around = balanced(light_at(scene, eyes, NEAR_EYES * radius, up, cameras=cameras))
         light = lighting(around, None if matte else around)
         skin = Skin(part.means, normals, relief.detail, torch.ones(len(part), RAYS))
-        level = (relief.luminance / USUAL_ALBEDO).clamp(*LEVELS)[:, None, None]
-        return Studied(laid, few, light, skin, ground, level.expand(-1, 2, 3), sure, ())
+        level = (relief.luminance / USUAL_ALBEDO).clamp(*LEVELS)[:, None, None].expand(-1, 2, 3)
+        return Studied(laid, few, light, skin, ground, level, sure, ())
     some, flat = part[few.rows], directions[few.rows]
     open_ = past_body(some, some.means, ray_directions().double(), normals=flat).to(normals)
     bare = Skin(some.means, flat, relief.detail[few.rows], open_)
