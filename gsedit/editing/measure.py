@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from operator import attrgetter
 from typing import Any
 
+import torch
 from jaxtyping import Bool, Int
 from torch import Tensor
 
@@ -126,7 +127,7 @@ def changed_by(
     found, hows = (dict.fromkeys(map(attrgetter(name), known)) for name in ("note", "how"))
     sure = min((each.sure for each in known), default=1.0)
     region = Region(total.changed, "; ".join(found) or "what is new", " or ".join(hows), sure)
-    if not any(change.route == "object" for change in changes):
+    if torch.equal(total.origin, torch.arange(len(scene))):
         return Changed(total.scene, region, told, drawing=drawing)
     before = Region(_touched(total, len(scene)), region.note)
     return Changed(total.scene, region, told, before, total.origin, drawing)

@@ -103,8 +103,7 @@ def paint_material(
             f"there is no material {change.name!r}: gsedit list looks shows what there is"
         )
     seen, shown = looking.seen(scene), flags.get("shown")
-    made = in_material(scene, inside, material, looking.cameras, looking.execution, seen, shown)
-    return _recolored(made.scene, inside, *made.notes)
+    return in_material(scene, inside, material, looking.cameras, looking.execution, seen, shown)
 
 
 def paint_light(scene: Gaussians, run: Sequence[Change], flags: Flags, looking: Looking) -> Outcome:

@@ -188,7 +188,7 @@ def _disks(mesh: Any, count: int, rng: np.random.Generator, colors: Colors) -> S
     points = (np.asarray(mesh.triangles)[faces] * weights[:, :, None]).sum(1)
     sizes = np.array([DISK, DISK, 0.05 * DISK]) * np.sqrt(ends[-1] / count)
     return _table(
-        points, _turned_to(np.asarray(mesh.face_normals)[faces]), sizes,
+        points, turned_to(np.asarray(mesh.face_normals)[faces]), sizes,
         colors(mesh, faces, weights),
     )  # fmt: skip
 
@@ -286,7 +286,7 @@ def _texels(picture: Any, uv: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 
     return np.stack([look_up(pixels[..., channel]) for channel in range(3)], -1) / 255
 
 
-def _turned_to(normals: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 4"]:
+def turned_to(normals: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 4"]:
     """Rotations wxyz that take the z axis to each normal the short way."""
     quats = np.column_stack(
         (1 + normals[:, 2], -normals[:, 1], normals[:, 0], np.zeros(len(normals)))

@@ -67,7 +67,7 @@ def estimate_normals(
     """
     if not len(scene):
         return Normals(scene.means, scene.means[:, 0])
-    seen_from = list(cameras) or _all_around(scene)
+    seen_from = list(cameras) or all_around(scene)
     chosen = [seen_from[i].fitted(VIEW_PIXELS) for i in evenly_spaced(len(seen_from), VIEWS)]
     axes = shortest_axes(scene)
     seen = torch.zeros_like(scene.means)
@@ -82,7 +82,7 @@ def estimate_normals(
     away = torch.nn.functional.normalize(means - middle, dim=-1)
     # what no view sees is left with its own axis
     evidence = seen + 0.25 * own - 10 * FAINT * away
-    return _smoothed(evidence, rows_near(means) if near is None else near)
+    return smoothed(evidence, rows_near(means) if near is None else near)
 
 
 def rows_near(means: Float[Tensor, "n 3"]) -> Int[Tensor, "n k"]:
@@ -143,7 +143,7 @@ def normals_of_depth(camera: Camera, depth: Float[Tensor, "h w"]) -> Float[Tenso
     return normals.to(depth)
 
 
-def _all_around(scene: Gaussians) -> list[Camera]:
+def all_around(scene: Gaussians) -> list[Camera]:
     """Two rings of cameras, one above and one below the middle of a scene."""
     rings = (orbit(scene, VIEWS // 2, VIEW_PIXELS, elevation=each) for each in (ABOVE, -ABOVE))
     return [camera for ring in rings for camera in ring]
@@ -162,7 +162,9 @@ def _view_normals(
     return blended + DEPTH_SHARE * normals_of_depth(camera, drawn.median_depth)
 
 
-def _smoothed(evidence: Float[Tensor, "n 3"], rows: Int[Tensor, "n k"]) -> Normals:
+def smoothed(
+    evidence: Float[Tensor, "n 3"], rows: Int[Tensor, "n k"], rounds: int = SMOOTHING_ROUNDS
+) -> Normals:
     """Unit normals, mixed with those of neighbors that face alike; and their agreement.
 
     Each counts by the logarithm of its evidence: one near a camera does not outweigh all others.
@@ -173,7 +175,7 @@ def _smoothed(evidence: Float[Tensor, "n 3"], rows: Int[Tensor, "n k"]) -> Norma
     weight = torch.log1p(strength / typical)[:, None]
     unit = evidence / strength.clamp_min(FAINT)[:, None]
     agreement = torch.ones_like(strength)
-    for _ in range(2 if rows.shape[1] else 0):
+    for _ in range(rounds if rows.shape[1] else 0):
         near = unit[rows]
         # a power of the cosine: edges stay sharp
         alike = (near * unit[:, None]).sum(-1, keepdim=True).clamp(0, 1) ** 8

@@ -18,12 +18,12 @@ from math import pi
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, Float64
+from jaxtyping import Bool, Float, Float64, Int
 from torch import Tensor
 
 from gsedit.scene.color_space import LUMINANCE, linear_of_srgb
 from gsedit.scene.framing import guess_up
-from gsedit.scene.quantiles import ends
+from gsedit.scene.quantiles import ends, weighted_quantile
 from rasterizer.camera import Camera, look_at
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.render import render
@@ -47,6 +47,13 @@ def cell_areas(height: int) -> Float[Tensor, "h w"]:
     """Solid angles of the cells of a map with w = 2 h, steradians: they sum to 4 pi."""
     edges = (torch.arange(height + 1) * (pi / height)).cos()
     return ((edges[:-1] - edges[1:]) * (pi / height))[:, None].expand(-1, 2 * height).clone()
+
+
+def cell_of(directions: Float[Tensor, "n 3"], height: int) -> Int[Tensor, " n"]:
+    """The number, row by row, of the cell of a map with w = 2 h that a unit direction is in."""
+    row = (torch.acos(directions[:, 2].clamp(-1, 1)) * (height / pi)).long().clamp_max(height - 1)
+    turn = torch.atan2(directions[:, 1], directions[:, 0]) * (height / pi)
+    return row * 2 * height + turn.floor().long() % (2 * height)
 
 
 def look_up(
@@ -114,6 +121,23 @@ CLIPPED_GAIN = 3.0
 """Factor of clipped light: a bright sky in a picture that is exposed for the ground."""
 ROUGHNESSES = (0.0, 0.15, 0.3, 0.45, 0.6, 0.8, 1.0)
 """Roughness of the prefiltered maps; GGX's alpha is its square."""
+LAMPS = ((1.0, 0.5, 0.7, 0.30, 5.0), (-1.0, 0.7, 0.5, 0.42, 2.0), (0.1, -1.0, 0.6, 0.25, 3.0))
+"""Soft boxes of a studio, see `lamps`."""
+KEYS = ((1.0, 0.6, 0.9, 0.35, 9.0), (-0.7, 0.9, 0.6, 0.3, 6.0), (-0.4, -1.0, 0.8, 0.35, 9.0))
+"""Key lights that are mixed into poor surroundings, against their mean: one for each side that one
+may look from."""
+DARK_FLOOR, HORIZON = 0.25, 0.05
+"""Light of the floor then, against what it was, and the sine of the angle below which it is."""
+PALER = 0.5
+"""Share of the colors of surroundings that mirrors leave out: gold among trees is gold."""
+MIXED = (0.0, 0.25, 0.5, 0.75, 1.0)
+"""Strengths that are tried."""
+GLOSS = 0.3
+"""Roughness of the metal that judges."""
+DARK, BRIGHT = 0.2, 0.97
+"""Shares of all directions below which light is dark, and above which it is a highlight."""
+DARKEST, BRIGHTEST = 0.3, 4.0
+"""Light there, at most and at least, against the mean."""
 BALANCE = 0.8
 """Share of the light's color that white balance takes away."""
 
@@ -264,19 +288,9 @@ def unclipped(display: Float[Tensor, "*s 3"]) -> Float[Tensor, "*s 3"]:
 
 def studio(center: Float[Tensor, "3"], up: Float[Tensor, "3"]) -> Surroundings:
     """A grey studio: a large soft light above on either side, one behind, and a darker floor."""
-    up = torch.nn.functional.normalize(up.float(), dim=0)
-    across = torch.nn.functional.normalize(
-        torch.linalg.cross(up, torch.eye(3)[int(up.abs().argmin())]), dim=0
-    )
-    along = torch.linalg.cross(up, across)
     directions = cell_directions(ROWS)
-    height = directions @ up
-    light = 0.28 + 0.22 * height
-    lamps = ((1.0, 0.5, 0.7, 0.30, 5.0), (-1.0, 0.7, 0.5, 0.42, 2.0), (0.1, -1.0, 0.6, 0.25, 3.0))
-    for side, ahead, above, size, power in lamps:
-        towards = torch.nn.functional.normalize(side * across + ahead * along + above * up, dim=0)
-        angle = torch.acos((directions @ towards).clamp(-1, 1))
-        light = light + power * torch.sigmoid((size - angle) / 0.05)
+    height = directions @ torch.nn.functional.normalize(up.float(), dim=0)
+    light = 0.28 + 0.22 * height + lamps(up, LAMPS)
     areas = cell_areas(ROWS)
     # white paper has a mean light of 1, a studio less
     light = light * (0.8 * 4 * pi / (light * areas).sum())
@@ -285,11 +299,54 @@ def studio(center: Float[Tensor, "3"], up: Float[Tensor, "3"]) -> Surroundings:
     return Surroundings(center, radiance, far, torch.zeros_like(far), studio=True)
 
 
+def lamps(
+    up: Float[Tensor, "3"], which: Sequence[tuple[float, float, float, float, float]]
+) -> Float[Tensor, "h w"]:
+    """Light of round soft boxes: each (aside, ahead, above, radius in radians, brightness)."""
+    up = torch.nn.functional.normalize(up.float(), dim=0)
+    across = torch.nn.functional.normalize(
+        torch.linalg.cross(up, torch.eye(3)[int(up.abs().argmin())]), dim=0
+    )
+    along = torch.linalg.cross(up, across)
+    light = torch.zeros(ROWS, 2 * ROWS)
+    for side, ahead, above, size, power in which:
+        towards = torch.nn.functional.normalize(side * across + ahead * along + above * up, dim=0)
+        angle = torch.acos((cell_directions(ROWS) @ towards).clamp(-1, 1))
+        light += power * torch.sigmoid((size - angle) / 0.05)
+    return light
+
+
+def contrasted(surroundings: Surroundings, up: Float[Tensor, "3"]) -> tuple[Surroundings, bool]:
+    """The surroundings as metals need them, and whether that is more than they were: key lights and
+    a dark floor are mixed in until there are highlights and dark edges; as bright as before."""
+    luminance = torch.from_numpy(LUMINANCE).to(surroundings.radiance)
+    areas = cell_areas(ROWS).to(luminance)
+    before = surroundings.radiance
+    mean = float((before @ luminance * areas).sum() / areas.sum())
+    height = (cell_directions(ROWS) @ torch.nn.functional.normalize(up.float(), dim=0)).to(before)
+    floor = torch.sigmoid(-(height + HORIZON) / 0.06)[..., None]
+    keys = mean * lamps(up, KEYS).to(before)[..., None]
+    before = torch.lerp(before, (before @ luminance)[..., None], PALER)
+    found = surroundings
+    for strength in MIXED:
+        radiance = before * (1 - strength * (1 - DARK_FLOOR) * floor) + strength * keys
+        radiance = radiance * (mean / float((radiance @ luminance * areas).sum() / areas.sum()))
+        found = replace(surroundings, radiance=radiance)
+        seen = softened(found, GLOSS) @ luminance
+        dark, bright = (
+            float(weighted_quantile(seen.reshape(-1, 1), areas.reshape(-1), share))
+            for share in (DARK, BRIGHT)
+        )
+        if dark <= DARKEST * mean and bright >= BRIGHTEST * mean:
+            break
+    return found, strength > 0
+
+
 def with_studio(surroundings: Surroundings, up: Float[Tensor, "3"]) -> Surroundings:
     """The surroundings with a studio's light where nothing was seen."""
-    lamps = studio(surroundings.center, up).radiance
+    lit = studio(surroundings.center, up).radiance
     seen = surroundings.seen[..., None]
-    return replace(surroundings, radiance=torch.lerp(lamps, surroundings.radiance, seen))
+    return replace(surroundings, radiance=torch.lerp(lit, surroundings.radiance, seen))
 
 
 def balanced(surroundings: Surroundings, share: float = BALANCE) -> Surroundings:

@@ -27,6 +27,7 @@ from gsedit.change.materials.shading import (
     coverage,
     everywhere,
     lighting,
+    opacity_of,
     outgoing,
     ray_directions,
     reflectance,
@@ -36,18 +37,22 @@ from gsedit.errors import UsageError
 from gsedit.scene.cache import cached_per_scene
 from gsedit.scene.color_space import LUMINANCE, linear_of_srgb, srgb_of_linear
 from gsedit.scene.framing import guess_up
+from gsedit.scene.neighbors import k_nearest
 from gsedit.scene.outcome import Outcome
 from gsedit.scene.quantiles import ends
 from gsedit.scene.quaternions import even_directions, turn_between
 from gsedit.views.dataset import evenly_spaced
-from gsedit.views.normals import estimate_normals, neighbor_means, rows_near, visible_area
+from gsedit.views.discs import Discs, discs_on
+from gsedit.views.normals import estimate_normals, neighbor_means, rows_near, smoothed, visible_area
 from gsedit.views.paths import up_of
 from gsedit.views.shadows import past_body
 from gsedit.views.surroundings import (
     FAINT,
     USUAL_ALBEDO,
+    Surroundings,
     as_shaded,
     balanced,
+    contrasted,
     find_surroundings,
     light_at,
     middle,
@@ -56,16 +61,20 @@ from gsedit.views.surroundings import (
 from rasterizer.camera import Camera
 from rasterizer.harmonics import basis
 from rasterizer.numerics import AUTO, SH_DC, Execution, ruled, sh_to_color
-from rasterizer.scene import Gaussians
+from rasterizer.scene import Gaussians, concatenate
 
 ROUNDS = 12
 """Means over the nearest neighbors, one after the other: the surroundings of a Gaussian."""
-DETAIL = (0.45, 1.15)
+DETAIL = (0.4, 1.2)
 """Least and largest ratio to the surroundings, in linear light, that counts as carving."""
 HUE = 0.12
 """Difference in the share of a channel at which a color is half paint."""
-FLAT = 0.6
+FLAT = 0.5
 """Share of darkness that stays where the surface is not hollow."""
+SPARSE = 6
+"""Discs for one of which light that arrives is computed: it changes slowly."""
+DEEP = 0.5
+"""Ratio to the surroundings below which darkness counts as a hole: a mouth, an eye."""
 DEPTH = 3.0
 """Slope of a carved line, against the change of the logarithm of light between neighbors."""
 HOLLOW = 0.12
@@ -89,7 +98,40 @@ class Relief:
         return self.color @ torch.from_numpy(LUMINANCE).to(self.color)
 
 
-def carved(part: Gaussians, normals: Float[Tensor, "n 3"], rows: Int[Tensor, "n k"]) -> Relief:
+@dataclass(frozen=True, eq=False)
+class Few:
+    """Some of the Gaussians of a part, for what changes slowly over its surface."""
+
+    rows: Int[Tensor, " k"]
+    over: Int[Tensor, "n j"]
+    """The nearest of the few to each Gaussian: rows of `rows`."""
+    near: Int[Tensor, "k i"]
+    """The nearest of the few to each of them."""
+
+    def gathered(self, values: Float[Tensor, "n ..."]) -> Float[Tensor, "k ..."]:
+        """Sums over the Gaussians that each of the few stands for."""
+        return values.new_zeros(len(self.rows), *values.shape[1:]).index_add(
+            0, self.over[:, 0], values
+        )
+
+    def spread(self, values: Float[Tensor, "k ..."]) -> Float[Tensor, "n ..."]:
+        """Means over the nearest of the few."""
+        return values[self.over].mean(1)
+
+
+def few_of(part: Gaussians, discs: int, near: Int[Tensor, "n i"]) -> Few:
+    """One in SPARSE of a part's last Gaussians, which are `discs`, and all others."""
+    left = len(part) - discs
+    rows = torch.cat((torch.arange(left), torch.arange(left, len(part), SPARSE)))
+    if not discs:
+        return Few(rows, rows[:, None], near)
+    _, over = k_nearest(part.means[rows].numpy(), part.means.numpy(), min(3, len(rows)))
+    return Few(rows, torch.from_numpy(over), rows_near(part.means[rows]))
+
+
+def carved(
+    part: Gaussians, normals: Float[Tensor, "n 3"], rows: Int[Tensor, "n k"], few: Few
+) -> Relief:
     """The relief of a subject's Gaussians; `rows` are those of the nearest to each."""
     weights = torch.from_numpy(LUMINANCE).to(part.means)
     display = sh_to_color(part.sh[:, 0]).clamp(0, 1).double().numpy()
@@ -98,23 +140,22 @@ def carved(part: Gaussians, normals: Float[Tensor, "n 3"], rows: Int[Tensor, "n 
         ones = part.means.new_ones(len(part))
         return Relief(ones, torch.zeros_like(ones), linear)
     size = visible_area(part).clamp_min(1e-30)[:, None].to(linear)
-    around = neighbor_means(
-        torch.cat((linear, torch.ones_like(linear[:, :1])), 1) * size, rows, ROUNDS
-    )
+    sized = torch.cat((linear, torch.ones_like(linear[:, :1])), 1) * size
+    around = few.spread(neighbor_means(few.gathered(sized), few.near, ROUNDS))
     around = around[:, :3] / around[:, 3:]
     near = neighbor_means(linear, rows, 1)
     ratio = (near @ weights) / (around @ weights)
     hue = (near / near.sum(1, keepdim=True) - around / around.sum(1, keepdim=True)).abs().amax(1)
     hue = hue * ratio.clamp(0, 1)  # what is black has no hue: it may be a crack
     stone = 1 / (1 + (hue / HUE).square())
-    offset = torch.nn.functional.normalize(part.means[rows] - part.means[:, None], dim=-1)
-    rise = neighbor_means(((offset * normals[:, None]).sum(-1)).mean(1, keepdim=True), rows, 2)[
-        :, 0
-    ]
-    hollow = (rise / HOLLOW).clamp(0, 1)
-    kept = stone * (FLAT + (1 - FLAT) * hollow)
+    points = part.means[few.rows]
+    offset = torch.nn.functional.normalize(points[few.near] - points[:, None], dim=-1)
+    rise = (offset * normals[few.rows, None]).sum(-1).mean(1)
+    hollow = few.spread(neighbor_means(rise, few.near, 2) / HOLLOW).clamp(0, 1)
+    deep = ((DEEP - ratio) / (DEEP - DETAIL[0])).clamp(0, 1)
+    kept = stone * (FLAT + (1 - FLAT) * torch.maximum(hollow, deep))
     detail = ratio.clamp(*DETAIL) ** kept
-    dark = ((1 - ratio) / (1 - DETAIL[0])).clamp(0, 1) * stone
+    dark = ((1 - ratio) / (1 - DETAIL[0])).clamp(0, 1) * kept
     return Relief(detail, torch.maximum(hollow, dark).clamp(0, 1), around)
 
 
@@ -180,6 +221,7 @@ LEVELS = (0.1, 1.6)
 """Least and largest light on such a part, as its old colors tell it."""
 STUDIO = "nothing is around it: it is lit by a studio"
 DIM = "what is around it is too dark to have lit it: a studio lights it where nothing is"
+MIXED = "what is around it gives few highlights: key lights and a dark floor are mixed in"
 RAISED = "reflections need SH of degree 3: the scene had {}, and its file grows"
 AT_ONCE = 1024
 """Gaussians that are shaded at once: 4 million pairs of cameras and directions, 16 MB."""
@@ -189,6 +231,8 @@ AT_ONCE = 1024
 class Studied:
     """Knowledge of a part of a scene that shading it in any material needs."""
 
+    laid: Laid
+    few: Few
     light: Lighting
     skin: Skin
     ground: Ground
@@ -217,18 +261,21 @@ def in_material(
     it, only the Gaussians that are `shown` (None: all) are shaded, as for one picture.
     Raises UsageError for no Gaussians inside, or for ones that show no surface.
     """
-    studied = study(scene, inside, cameras, weights, material.is_matte)
+    if not inside.any():
+        raise UsageError("the material would be on no Gaussian: name what should be in it")
+    studied = study(scene, inside, cameras, weights, material.is_matte, not material.is_plain)
     if studied.sure < UNSURE and not material.is_matte:
         raise UsageError(
             "the part's Gaussians show no surface that could reflect (they are needles or fog): "
             "clean the scene first with gsedit clean"
         )
+    laid = studied.laid
     degree = 0 if material.is_matte else DEGREE
-    sh = scene.with_degree(max(scene.degree, degree)).sh
-    rows = inside.nonzero().squeeze(-1)
+    sh = laid.scene.with_degree(max(scene.degree, degree)).sh
+    rows = laid.inside.nonzero().squeeze(-1)
     only = torch.arange(len(rows))
     if shown is not None and not material.is_matte:
-        only = shown[rows].nonzero().squeeze(-1)
+        only = shown[laid.origin[rows]].nonzero().squeeze(-1)
         rows = rows[only]
     colored = colors_of(studied, material, cameras, degree, only)
     bare = 1 - coverage(material.clings, studied.ground)[only]
@@ -236,7 +283,11 @@ def in_material(
     sh[rows, : colored.shape[1]] += ((1 - bare)[:, None, None] * colored).to(sh)
     raised = sh.shape[1] > scene.sh.shape[1]
     notes = (*studied.notes, *((RAISED.format(scene.degree),) if raised else ()))
-    return Outcome(replace(scene, sh=sh), torch.arange(len(scene)), inside, notes)
+    logits = laid.scene.logit_opacities.clone()
+    logits[len(logits) - laid.count :] = float(torch.logit(torch.tensor(opacity_of(material))))
+    return Outcome(
+        replace(laid.scene, sh=sh, logit_opacities=logits), laid.origin, laid.inside, notes
+    )
 
 
 @cached_per_scene
@@ -246,41 +297,122 @@ def study(
     cameras: Sequence[Camera] = (),
     weights: Float[Tensor, " n"] | None = None,
     matte: bool = False,
+    fresh: bool = False,
 ) -> Studied:
-    """Normals, surroundings, shadows and carving of the Gaussians inside; for a `matte` material
-    without what only reflections need."""
-    if not len(part := scene[inside]):
-        raise UsageError("the material would be on no Gaussian: name what should be in it")
+    """Surface, surroundings, shadows and carving of the Gaussians inside, under `fresh` discs where
+    they have a surface; for a `matte` material without what only reflections need."""
     up = up_of(cameras) if len(cameras) > 1 else guess_up(scene)
+    eyes = _eyes_within(scene[inside], cameras)
+    discs = discs_on(scene[inside], cameras) if fresh and eyes is None else None
+    laid = laid_on(scene, inside, discs)
+    part = laid.scene[laid.inside]
     near = rows_near(part.means)
-    found = estimate_normals(scene, cameras, inside=inside, near=near)
+    few = few_of(part, laid.count, near)
+    directions, confidence = _normals(scene, inside, cameras, discs, near)
     center, radius = middle(scene, inside)
-    relief = carved(part, found.directions, near)
-    normals = engraved(part.means, found.directions, relief, near)
-    turn = torch.from_numpy(turn_between(up.numpy(), np.array((0.0, 0.0, 1.0)))).to(part.means)
+    directions = _smoother(directions, few, near) if laid.count else directions
+    relief = carved(part, directions, near, few)
+    normals = engraved(part.means, directions, relief, near)
+    turn = torch.from_numpy(turn_between(up.numpy(), np.array((0.0, 0.0, 1.0)))).to(part.means).T
     ground = Ground(
-        (part.means - center) @ turn.T / max(radius, FAINT), normals @ turn.T, relief.hollow
+        (part.means - center) @ turn / max(radius, FAINT), normals @ turn, relief.hollow
     )
-    sure = float(found.confidence.median())
-    if (eyes := _eyes_within(part, cameras)) is not None:
-        around = light_at(scene, eyes, NEAR_EYES * radius, up, cameras=cameras)
-        light = lighting(balanced(around), matte)
+    sure = float(confidence.median())
+    if eyes is not None:
+        around = balanced(light_at(scene, eyes, NEAR_EYES * radius, up, cameras=cameras))
+        light = lighting(around, None if matte else around)
         skin = Skin(part.means, normals, relief.detail, torch.ones(len(part), RAYS))
-        level = (relief.luminance / USUAL_ALBEDO).clamp(*LEVELS)[:, None, None]
-        return Studied(light, skin, ground, level.expand(-1, 2, 3), sure, ())
-    open_ = past_body(part, part.means, ray_directions().double(), normals=normals)
-    skin = Skin(part.means, normals, relief.detail, open_.to(normals))
+        level = (relief.luminance / USUAL_ALBEDO).clamp(*LEVELS)[:, None, None].expand(-1, 2, 3)
+        return Studied(laid, few, light, skin, ground, level, sure, ())
+    some, flat = part[few.rows], directions[few.rows]
+    open_ = past_body(some, some.means, ray_directions().double(), normals=flat).to(normals)
+    bare = Skin(some.means, flat, relief.detail[few.rows], open_)
+    weight = visible_area(some) if weights is None or discs is not None else weights[inside]
     around = find_surroundings(scene, inside, up, cameras=cameras)
-    dim = False
+    light, notes = _light(around, up, relief.color[few.rows], bare.share, weight, matte)
+    sides = torch.cat([arriving(light, bare[rows]) for rows in _parts(len(some))])
+    skin = Skin(part.means, normals, relief.detail, few.spread(open_))
+    return Studied(laid, few, light, skin, ground, few.spread(sides), sure, notes)
+
+
+def _smoother(
+    normals: Float[Tensor, "m 3"], few: Few, near: Int[Tensor, "m k"]
+) -> Float[Tensor, "m 3"]:
+    """Normals of discs, without waves of a few discs' length; edges stay sharp."""
+    coarse = few.spread(smoothed(normals[few.rows], few.near).directions)
+    return smoothed(coarse, near).directions
+
+
+def _light(
+    around: Surroundings,
+    up: Float[Tensor, "3"],
+    color: Float[Tensor, "k 3"],
+    share: Float[Tensor, "k d"],
+    weight: Float[Tensor, " k"],
+    matte: bool,
+) -> tuple[Lighting, tuple[str, ...]]:
+    """Light on a part that shows these colors, and what was added to it, in words."""
+    notes = [STUDIO] if around.studio else []
     if not around.studio:
-        weight = (visible_area(part) if weights is None else weights[inside]).to(normals)
-        lit = as_shaded(around, relief.color, skin.share, weight, ray_directions().to(normals))
-        dim = lit is None
+        lit = as_shaded(around, color, share, weight.to(share), ray_directions().to(share))
+        notes += [DIM] if lit is None else []
         around = with_studio(around, up) if lit is None else lit
-    light = lighting(balanced(around), matte)
-    sides = torch.cat([arriving(light, skin[rows]) for rows in _parts(len(part))])
-    notes = (STUDIO,) if around.studio else (DIM,) if dim else ()
-    return Studied(light, skin, ground, sides, sure, notes)
+    around = balanced(around)
+    if matte:
+        return lighting(around), tuple(notes)
+    mirrored, mixed = contrasted(around, up)
+    notes += [MIXED] if mixed and not around.studio else []
+    return lighting(around, mirrored), tuple(notes)
+
+
+@dataclass(frozen=True, eq=False)
+class Laid:
+    """A scene whose part has discs on it, its last Gaussians."""
+
+    scene: Gaussians
+    inside: Bool[Tensor, " m"]
+    origin: Int[Tensor, " m"]
+    """Row in the scene before: of a disc the nearest one's of the part."""
+    count: int
+    """Number of discs among its Gaussians, which are its last ones."""
+
+
+def laid_on(scene: Gaussians, inside: Bool[Tensor, " n"], discs: Discs | None) -> Laid:
+    """The scene with discs in place of the Gaussians that they cover."""
+    every = torch.arange(len(scene))
+    if discs is None:
+        return Laid(scene, inside, every, 0)
+    rows = every[inside]
+    kept = torch.ones_like(inside)
+    kept[rows[discs.covered]] = False
+    fresh = discs.scene.with_degree(scene.degree)
+    ones = torch.ones(len(fresh), dtype=torch.bool)
+    return Laid(
+        concatenate(scene[kept], fresh),
+        torch.cat((inside[kept], ones)),
+        torch.cat((every[kept], rows[discs.origin])),
+        len(fresh),
+    )
+
+
+def _normals(
+    scene: Gaussians,
+    inside: Bool[Tensor, " n"],
+    cameras: Sequence[Camera],
+    discs: Discs | None,
+    near: Int[Tensor, "m k"],
+) -> tuple[Float[Tensor, "m 3"], Float[Tensor, " m"]]:
+    """Normals of a part, and how sure they are: those of discs are."""
+    if discs is None:
+        found = estimate_normals(scene, cameras, inside=inside, near=near)
+        return found.directions, found.confidence
+    left = inside.clone()
+    left[inside.nonzero()[discs.covered]] = False
+    if not left.any():
+        return discs.normals, torch.ones(len(discs.normals))
+    found = estimate_normals(scene, cameras, inside=left)
+    ones = torch.ones(len(discs.normals))
+    return torch.cat((found.directions, discs.normals)), torch.cat((found.confidence, ones))
 
 
 def _eyes_within(part: Gaussians, cameras: Sequence[Camera]) -> Float[Tensor, "3"] | None:
@@ -310,18 +442,22 @@ def colors_of(
         return ((displayed(sent) - 0.5) / SH_DC)[:, None]
     own = studied.sides[:, 0] * surface.color
     eyes = torch.stack([c.center for c in cameras]).to(diffuse) if len(cameras) else None
+    directions, few = torch.from_numpy(even_directions(RAYS)).to(diffuse), studied.few
+    looked = diffuse.new_ones(len(few.rows), RAYS)
     if eyes is not None:
-        eyes = eyes[evenly_spaced(len(eyes), CAMERAS)]
-    directions = torch.from_numpy(even_directions(RAYS)).to(diffuse)
+        eyes, points = eyes[evenly_spaced(len(eyes), CAMERAS)], studied.skin.points[few.rows]
+        parts = _parts(len(points))
+        looked = torch.cat([looked_from(points[rows], directions, eyes) for rows in parts])
     found = [diffuse.new_zeros(0, (degree + 1) ** 2, 3)]
     for start in range(0, len(only), AT_ONCE):
         rows = only[start : start + AT_ONCE]
         skin, here = studied.skin[rows], surface[rows]
-        weights = view_weights(skin.points, skin.normals, directions, eyes)
+        seen = (skin.normals @ directions.T + BEHIND).clamp(0, 0.5)
+        weights = seen * looked[few.over[rows, 0]]
         at, way = (weights > 0).nonzero().unbind(-1)
         sent = outgoing(
             studied.light, material, here[at], skin[at], diffuse[rows][at], own[rows][at],
-            directions[way],
+            directions[way], studied.laid.count > 0,
         )  # fmt: skip
         shown = sent.new_full((*weights.shape, 3), 0.5)
         shown[at, way] = displayed(sent)
@@ -338,20 +474,14 @@ def displayed(light: Float[Tensor, "*s 3"]) -> Float[Tensor, "*s 3"]:
     return torch.from_numpy(srgb_of_linear(shown.numpy())).to(light)
 
 
-def view_weights(
-    points: Float[Tensor, "m 3"],
-    normals: Float[Tensor, "m 3"],
-    directions: Float[Tensor, "v 3"],
-    eyes: Float[Tensor, "c 3"] | None,
-) -> Float[Tensor, "m v"]:
-    """How much colors in each unit direction count: as many of the cameras at `eyes` are near it,
-    and as the surface is seen from there; the same all around without cameras."""
-    seen = (normals @ directions.T + BEHIND).clamp(0, 0.5)
-    if eyes is None:
-        return seen
+def looked_from(
+    points: Float[Tensor, "k 3"], directions: Float[Tensor, "v 3"], eyes: Float[Tensor, "c 3"]
+) -> Float[Tensor, "k v"]:
+    """How many of the cameras at `eyes` are near each unit direction, 1 in the mean, and a little
+    more."""
     to_cameras = torch.nn.functional.normalize(eyes - points[:, None], dim=-1)
     near = torch.exp(SHARPNESS * (to_cameras @ directions.T - 1)).mean(1)
-    return seen * (near / near.mean(1, keepdim=True) + AROUND_WEIGHT)
+    return near / near.mean(1, keepdim=True) + AROUND_WEIGHT
 
 
 def _parts(count: int) -> list[slice]:

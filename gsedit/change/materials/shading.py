@@ -10,21 +10,33 @@ Patterns are in radii of the subject, around its middle, +z up.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from math import pi
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from gsedit.change.materials.table import Layer, Material
 from gsedit.scene.color_space import linear_of_srgb, srgb_of_hex
 from gsedit.scene.quaternions import even_directions
 from gsedit.views.noise import noise
-from gsedit.views.surroundings import Surroundings, look_up, prefiltered, reflected, softened
+from gsedit.views.surroundings import (
+    ROWS,
+    Surroundings,
+    cell_directions,
+    cell_of,
+    look_up,
+    prefiltered,
+    reflected,
+    softened,
+)
 
 WAVES = 14
 """Plane waves of a noise on a subject: more look the same."""
 OCTAVES = 4
+LEAST_HOLLOW = 0.45
+"""How hollow crevices are at least: what is nearly flat has none, whatever their share."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +57,8 @@ def share_of(layer: Layer, ground: Ground) -> Float[Tensor, " n"]:
     if not len(field):
         return field
     edge = torch.quantile(_some(field), 1 - min(max(layer.share, 0.0), 1.0))
-    return torch.sigmoid((field - edge) / width)
+    least = LEAST_HOLLOW if layer.pattern == "crevices" else -torch.inf
+    return torch.sigmoid((field - edge.clamp_min(least)) / width)
 
 
 def coverage(layers: tuple[Layer, ...], ground: Ground) -> Float[Tensor, " n"]:
@@ -178,8 +191,14 @@ USUAL_COSINE = 0.65
 """Mean cosine between the normals of a round thing and a view, weighted by what is seen."""
 FARTHEST = 1e3
 """Distance of a sky that nothing is known of, against the farthest thing that is seen."""
+FOLLOWS = 0.35
+"""Share of the way that mirrors turn with the eye: SH of degree 3 blur light by 60 degrees of view,
+which are so many fewer of the surroundings, and highlights stay sharp."""
+OPAQUE, LAYERS = 0.993, 3.0
+"""Largest opacity of a disc, and how many lie on each other where one looks."""
 COAT_ROUGHNESS = 0.08
-COAT_SPECULAR = 0.06
+COAT_SPECULAR = 0.1
+"""Reflectance of a coat head on: more than glass has, whose mirrored lamps are small and clip."""
 THROUGH_BEND = 0.7
 """Share of the view direction that is left in light that has come through a solid: the rest is
 turned towards the inside."""
@@ -233,8 +252,17 @@ class Skin:
 
     def open_to(self, ways: Float[Tensor, "n 3"]) -> Float[Tensor, "n 1"]:
         """Share of the light from one direction each, between those that are known."""
-        near = torch.exp(BETWEEN * (ways @ ray_directions().to(ways).T - 1))
-        return (near * self.open).sum(1, keepdim=True) / near.sum(1, keepdim=True)
+        rays, weights = _rays_near()
+        cell = cell_of(ways, ROWS)
+        return (self.open.gather(1, rays[cell]) * weights[cell]).sum(1, keepdim=True)
+
+
+@lru_cache(1)
+def _rays_near() -> tuple[Int[Tensor, "c 3"], Float[Tensor, "c 3"]]:
+    """Rows of the directions of light that are nearest to each cell of a map, and their weights."""
+    cosines = cell_directions(ROWS).reshape(-1, 3) @ ray_directions().T
+    nearest, rays = cosines.topk(3)
+    return rays, torch.softmax(BETWEEN * nearest, -1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -251,10 +279,10 @@ class Reflectance:
         return Reflectance(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
 
 
-def lighting(surroundings: Surroundings, matte: bool = False) -> Lighting:
-    """The surroundings, made ready; without `maps` for what is matte."""
+def lighting(surroundings: Surroundings, mirrored: Surroundings | None = None) -> Lighting:
+    """The surroundings, made ready, and as they are mirrored; without `maps` for what is matte."""
     plain = softened(surroundings, ARRIVING)
-    maps = plain[None][:0] if matte else prefiltered(surroundings)
+    maps = plain[None][:0] if mirrored is None else prefiltered(mirrored)
     return Lighting(surroundings, maps, plain)
 
 
@@ -300,6 +328,11 @@ def arriving(light: Lighting, skin: Skin) -> Float[Tensor, "n 2 3"]:
     return torch.stack(sides, 1)
 
 
+def opacity_of(material: Material) -> float:
+    """Opacity of one disc in a material, of which about LAYERS lie on each other."""
+    return min(OPAQUE, 1 - material.transmission ** (1 / LAYERS))
+
+
 def outgoing(
     light: Lighting,
     material: Material,
@@ -308,11 +341,13 @@ def outgoing(
     diffuse: Float[Tensor, "p 3"],
     own: Float[Tensor, "p 3"],
     views: Float[Tensor, "p 3"],
+    clear: bool = False,
 ) -> Float[Tensor, "p 3"]:
     """Linear light that points of a skin send in unit directions `views`, to cameras.
 
     `diffuse` is what its body sends everywhere (see `body`), `own` what the subject sends where it
-    hides its surroundings.
+    hides its surroundings. A `clear` skin lets light through: what it mirrors is brighter before
+    blending.
     """
     cosine = (skin.normals * views).sum(-1)
     # views from behind see the rim: the normal is turned just so far that it is in sight
@@ -320,13 +355,11 @@ def outgoing(
         skin.normals + (GRAZING - cosine).clamp_min(0)[:, None] * views, dim=-1
     )
     cosine = (facing * views).sum(-1).clamp(GRAZING, 1)
-    mirror = 2 * cosine[:, None] * facing - views
+    aside = cosine[:, None] * facing - views
+    mirror = torch.nn.functional.normalize(facing + FOLLOWS * aside, dim=-1)
     seen = skin.open_to(mirror)
-    head_on = torch.lerp(
-        torch.full_like(surface.color, material.specular),
-        surface.color,
-        surface.metalness[:, None],
-    )
+    stone = torch.full_like(surface.color, material.specular)
+    head_on = torch.lerp(stone, surface.color, surface.metalness[:, None])
     rough = surface.roughness
     bent = mirror_of(light, skin.points, mirror)
     sharp = torch.lerp(own, reflected(light.maps, bent, rough), seen)
@@ -342,7 +375,7 @@ def outgoing(
         glaze = torch.full_like(head_on, COAT_SPECULAR)
         share = environment_brdf(glaze, smooth, cosine) * surface.coat[:, None]
         gloss = torch.lerp(own, reflected(light.maps, bent, smooth), seen)
-        sent = sent * (1 - share) + gloss * share
+        sent = sent * (1 - share) + gloss * share / (1 - clear * material.transmission)
     return sent * skin.detail[:, None] + surface.glow[:, None] * surface.color
 
 

@@ -71,6 +71,11 @@ class Material:
         shiny += [layer.metalness for layer in self.layers]
         return max(shiny) == 0 and rough >= MATTE
 
+    @property
+    def is_plain(self) -> bool:
+        """Whether it is one matte color: nothing of it is finer than a scene's Gaussians."""
+        return self.is_matte and not self.layers
+
 
 MATTE = 0.75
 """Roughness from which reflections of a surface without metal are not seen."""
@@ -123,9 +128,10 @@ def _soft(color: str, translucency: float = 0.3, *layers: Layer) -> Material:
 
 _VERDIGRIS = Layer("crevices", "#6fae9c", share=0.4, scale=0.15)
 _RUST = (
-    Layer("patches", "#7a3d1c", share=0.75, scale=0.25, roughness=0.95),
-    Layer("specks", "#b5632a", share=0.35, scale=0.06, roughness=0.95),
-    Layer("patches", "#4a2413", share=0.2, scale=0.12, roughness=0.95),
+    Layer("patches", "#7a3d1c", share=0.88, scale=0.25, roughness=0.95),
+    Layer("patches", "#a5562a", share=0.4, scale=0.1, roughness=0.95),
+    Layer("specks", "#b9682f", share=0.3, scale=0.02, roughness=0.95),
+    Layer("patches", "#4a2413", share=0.2, scale=0.06, roughness=0.95),
 )
 
 METALS = {
@@ -158,12 +164,12 @@ STONES = {
         "#f1efeb", roughness=0.35, coat=0.5, translucency=0.25,
         layers=(
             Layer("patches", "#dcdad6", 0.3, 0.6, roughness=0.35),
-            Layer("veins", "#6f7076", 0.14, 0.5, roughness=0.35),
+            Layer("veins", "#6f7076", 0.08, 0.5, roughness=0.35),
         ),
     ),
     "granite": _stone(
-        "#8f8a86", 0.8, Layer("specks", "#55504e", 0.3, 0.035),
-        Layer("specks", "#c9c2ba", 0.2, 0.05)
+        "#9a9490", 0.8, Layer("specks", "#d9d3cc", 0.3, 0.024),
+        Layer("specks", "#a87f72", 0.1, 0.03), Layer("specks", "#2b2828", 0.2, 0.017),
     ),
     "sandstone": _stone(
         "#d0ab77", 0.95, Layer("strata", "#b98a58", 0.4, 0.12),
@@ -242,8 +248,9 @@ GROWN = {
                       layers=(Layer("grain", "#e3d5b0", 0.3, 0.05, 0.0, 0.45),)),
     "bone": _soft("#e3dac6", 0.15, Layer("patches", "#cdbf9f", 0.3, 0.3)),
     "moss": Material("#5d7a33", roughness=1.0,
-                     layers=(Layer("specks", "#83a048", 0.4, 0.05),
-                             Layer("specks", "#3a5220", 0.3, 0.08)),
+                     layers=(Layer("patches", "#6f8a3a", 0.4, 0.15),
+                             Layer("specks", "#8ba54e", 0.35, 0.02),
+                             Layer("specks", "#35491d", 0.35, 0.025)),
                      clings=(Layer("up", "#5d7a33", 0.5, 0.18),
                              Layer("crevices", "#5d7a33", 0.12, 0.1))),
     "straw": _stone("#d8bf72", 1.0, Layer("grain", "#a88c42", 0.4, 0.03)),

@@ -1,0 +1,106 @@
+"""Discs on the surface of a part: where they lie, how they face, what metals and glass show."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+import torch
+from plain_scenes import discs, needles, ring
+
+from gsedit.change.materials.apply import in_material, study
+from gsedit.change.materials.table import MATERIALS
+from gsedit.scene.picture import render_picture
+from gsedit.scene.quaternions import even_directions
+from gsedit.views.discs import discs_on
+from gsedit.views.surroundings import DARKEST, contrasted, studio
+from rasterizer.numerics import color_to_sh
+from rasterizer.render import render
+
+UP = torch.tensor((0.0, 0.0, 1.0))
+CAMERAS = [*ring(8, 2.0, 0.0), *ring(8, -1.5, 0.0)]
+
+
+def rough_ball(count=3000):
+    """Needles on a ball of radius 0.5, turned at random about their places, a little off it."""
+    generator = torch.Generator().manual_seed(5)
+    normals = torch.from_numpy(even_directions(count)).float()
+    off = 1 + 0.02 * torch.randn(count, 1, generator=generator)
+    ball = discs(0.5 * off * normals, normals, 0.035)
+    turned = ball.quats + 0.3 * torch.randn(count, 4, generator=generator)
+    sizes = torch.tensor((0.05, 0.018, 0.008)).log().expand(count, 3).clone()
+    return replace(ball, quats=turned, log_scales=sizes), normals
+
+
+def degrees(found, truth):
+    return torch.rad2deg(torch.acos((found * truth).sum(-1).clamp(-1, 1)))
+
+
+@pytest.fixture(scope="module")
+def ball():
+    return rough_ball()
+
+
+def test_discs_on_a_noisy_ball_lie_on_it_and_face_outwards(ball):
+    scene, _ = ball
+    laid = discs_on(scene, CAMERAS)
+    assert laid is not None
+    truth = torch.nn.functional.normalize(laid.scene.means, dim=-1)
+    assert float(degrees(laid.normals, truth).median()) < 12
+    every = torch.ones(len(scene), dtype=torch.bool)
+    known = study(scene, every, CAMERAS, matte=True, fresh=True)
+    truth = torch.nn.functional.normalize(known.skin.points, dim=-1)
+    assert float(degrees(known.skin.normals, truth).median()) < 8
+    assert float((laid.scene.means.norm(dim=-1) - 0.5).abs().median()) < 0.05
+    assert laid.covered.float().mean() > 0.9
+
+
+def test_needles_in_a_box_keep_their_places():
+    lost = needles(400)
+    laid = discs_on(replace(lost, logit_opacities=torch.full((400,), -4.0)), CAMERAS)
+    assert laid is None
+
+
+def test_a_metal_has_highlights_and_dark_edges(ball):
+    scene, _ = ball
+    made = in_material(scene, torch.ones(len(scene), dtype=torch.bool), MATERIALS["bronze"])
+    shown = render_picture(made.scene, CAMERAS[0]).mean(-1) ** 2.2
+    lit = shown[render_picture(scene, CAMERAS[0]).mean(-1) > 0.3]
+    low, high = lit.quantile(torch.tensor((0.1, 0.97)))
+    assert float(high) > 2.5 * float(lit.mean())
+    assert float(low) < 0.4 * float(lit.mean())
+
+
+def test_glass_lets_what_is_behind_it_through(ball):
+    scene, _ = ball
+    every, near = torch.ones(len(scene), dtype=torch.bool), CAMERAS[0].resized(512, 512)
+    clear, solid = (
+        render(in_material(scene, every, MATERIALS[name]).scene, near).alpha[256, 256]
+        for name in ("glass", "gold")
+    )
+    assert 0.2 < float(clear) < 0.8
+    assert float(solid) > 0.98
+
+
+def test_a_dark_eye_keeps_its_contrast_in_marble(ball):
+    scene, normals = ball
+    eye = normals @ torch.nn.functional.normalize(torch.tensor((0.0, -1.0, 0.4)), dim=0) > 0.985
+    color = torch.where(eye[:, None], 0.12, 0.6).expand(-1, 3)
+    painted = replace(scene, sh=color_to_sh(color[:, None].clone()))
+    every = torch.ones(len(scene), dtype=torch.bool)
+    plain, seeing = (in_material(each, every, MATERIALS["marble"]) for each in (scene, painted))
+    pictures = [render_picture(each.scene, CAMERAS[0]).mean(-1) for each in (plain, seeing)]
+    darker = (pictures[0] - pictures[1]) / pictures[0].clamp_min(0.1)
+    assert float(darker.amax()) > 0.2
+
+
+def test_poor_surroundings_get_highlights_and_rich_ones_stay():
+    light = studio(torch.zeros(3), UP)
+    even = replace(light, radiance=torch.full_like(light.radiance, 0.4))
+    richer, mixed = contrasted(even, UP)
+    assert mixed
+    ratio = richer.radiance.mean(-1)
+    assert float(ratio.amax()) > 4 * 0.4
+    assert float(ratio.quantile(0.1)) < DARKEST * 0.4 * 1.2
+    again, mixed_again = contrasted(richer, UP)
+    assert not mixed_again or torch.allclose(again.radiance, richer.radiance, atol=0.4)
