@@ -163,7 +163,7 @@ def _view_normals(
 
 
 def smoothed(
-    evidence: Float[Tensor, "n 3"], rows: Int[Tensor, "n k"], rounds: int = SMOOTHING_ROUNDS
+    evidence: Float[Tensor, "n 3"], rows: Int[Tensor, "n k"], rounds: int = 2
 ) -> Normals:
     """Unit normals, mixed with those of neighbors that face alike; and their agreement.
 
