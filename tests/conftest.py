@@ -1,8 +1,6 @@
 """Cheaper checks of shapes and kept bytecode, set before anything is imported; a quick search for
 views."""
 
-from __future__ import annotations
-
 import os
 import sys
 

@@ -1,7 +1,5 @@
 """Lines of the doctor about a machine, and about one that lacks something."""
 
-from __future__ import annotations
-
 import json
 
 import torch

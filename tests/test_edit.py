@@ -1,7 +1,5 @@
 """An edit ends where its known answer is, leaves alone what it did not see, and can be followed."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

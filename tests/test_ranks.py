@@ -1,7 +1,5 @@
 """Any number of ranks gives what one rank gives; a rank that ends, ends the run with its name."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Editing, fitting, capturing and the page need nothing that an extra brings."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

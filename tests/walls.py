@@ -1,7 +1,5 @@
 """Views of a wall with a ball before it: depth is a formula, so true matches are known."""
 
-from __future__ import annotations
-
 import torch
 
 from rasterizer import look_at

@@ -1,7 +1,5 @@
 """The page as a person uses it: a real browser, a real worker, a tiny scene."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Pictures that a tab gets: sizes, the newest camera, two scenes, short work."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import replace
 from threading import Event

@@ -1,7 +1,5 @@
 """The page through its real websocket, without a browser."""
 
-from __future__ import annotations
-
 import http.client
 import time
 from functools import partial

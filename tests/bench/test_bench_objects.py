@@ -1,7 +1,5 @@
 """The benchmark of objects: its cases and its measures."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from bench.object_cases import CASES, Case

@@ -1,7 +1,5 @@
 """Speed and errors of the renderer: every case is measured; the garden is made of its points."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

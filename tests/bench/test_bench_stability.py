@@ -1,7 +1,5 @@
 """The table of `gsedit bench stability`: a row for each edge case and dtype."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import asdict, replace
 

@@ -1,7 +1,5 @@
 """Cameras in a circle: as far as the ball is large, evenly spaced, upright."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Bad captures end in one line that names the cause and the next move."""
 
-from __future__ import annotations
-
 import shutil
 
 import numpy as np
@@ -66,10 +64,7 @@ def photo(tmp_path_factory):
         (lambda folder, photo: copies(folder, photo, 2), "2 photos cannot make a scene: walk"),
         (lambda folder, _: grey_photos(folder, 96, range(5)), "5 of 5 photos are black or of one"),
         (lambda folder, _: grey_photos(folder, 1, range(5)), "1x1 pixels, 64 are needed"),
-        (
-            lambda folder, _: heic_photos(folder),
-            "left out): copy or export these files again",
-        ),
+        (lambda folder, _: heic_photos(folder), "left out): copy or export these files again"),
         (
             lambda folder, _: floating_photos(folder),
             "export it with 8 or 16 bits) left out): copy or export these files again",

@@ -1,7 +1,5 @@
 """Photos through a real lens, without poses: what a capture finds, writes and keeps."""
 
-from __future__ import annotations
-
 import json
 import shutil
 

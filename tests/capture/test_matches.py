@@ -1,7 +1,5 @@
 """SIFT matches of pictures whose correspondence is known."""
 
-from __future__ import annotations
-
 import pytest
 import torch
 

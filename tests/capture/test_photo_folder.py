@@ -1,7 +1,5 @@
 """Search for the photos of a folder and of its folders, and a line about what is left out."""
 
-from __future__ import annotations
-
 import pytest
 from PIL import Image
 

@@ -1,7 +1,5 @@
 """`gsedit metrics`: what can be compared with what, the record, and what it refuses."""
 
-from __future__ import annotations
-
 import json
 import shutil
 

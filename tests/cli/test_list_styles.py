@@ -1,7 +1,5 @@
 """`gsedit list styles`: their names, and a sheet of them on a scene of the user's."""
 
-from __future__ import annotations
-
 import json
 
 from command_line import files, gsedit

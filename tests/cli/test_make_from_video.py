@@ -1,7 +1,5 @@
 """A video of a room goes through `gsedit make` to an edited scene, with one command."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 

@@ -1,7 +1,5 @@
 """Laws of the consensus operator and of shared noise, on clusters of real views."""
 
-from __future__ import annotations
-
 import pytest
 import torch
 from walls import CELL, FOUR, stacked

@@ -1,7 +1,5 @@
 """Correspondences against geometry whose depth is a formula."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from itertools import combinations

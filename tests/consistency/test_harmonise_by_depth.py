@@ -1,7 +1,5 @@
 """Pictures led to agreement at pixel resolution, on a wall and a ball whose depth is a formula."""
 
-from __future__ import annotations
-
 import pytest
 import torch
 from walls import FOUR, SLANTED, occluded_depth, plane_depth, seen

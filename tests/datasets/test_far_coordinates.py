@@ -1,7 +1,5 @@
 """Georeferenced captures are moved to the origin in float64, and the way back is written."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

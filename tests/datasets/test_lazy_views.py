@@ -1,7 +1,5 @@
 """Pictures are made when they are read, kept in 8 bits while there is room, and the same always."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import torch

@@ -1,7 +1,5 @@
 """Settings and handlers that loading a library leaves behind."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

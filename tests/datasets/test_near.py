@@ -1,7 +1,5 @@
 """A picture does not depend on the scene's unit of length, where cameras are made for the scene."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import log
 

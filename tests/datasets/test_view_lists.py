@@ -1,7 +1,5 @@
 """Lists of views: what is written is read to the last bit, and what is wrong is named."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

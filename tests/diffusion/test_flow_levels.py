@@ -1,7 +1,5 @@
 """The levels of flow models against diffusers' own scheduler."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Guidance that ends early, or that steps share: what is computed, and that it is the same."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

@@ -1,7 +1,5 @@
 """The sampler at its limits: terminal SNR 0, stiff data, strong guidance, low precision."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

@@ -1,7 +1,5 @@
 """Noise schedules and predictions: levels, times and sigmas, and the pair (x0, eps)."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """The change of small pictures, carried to full size: exact where it can be, sharp at edges."""
 
-from __future__ import annotations
-
 import torch
 from closeness import EPS32, assert_near
 

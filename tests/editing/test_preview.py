@@ -1,7 +1,5 @@
 """One view of an edit before it is done: what routes change, and candidates of a 2D editor."""
 
-from __future__ import annotations
-
 import pytest
 import torch
 from labelled import statue

@@ -1,7 +1,5 @@
 """Painting styles: each is drawn by the painter in the part of the scene that it is said of."""
 
-from __future__ import annotations
-
 import pytest
 import tiny_edits
 import torch

@@ -1,7 +1,5 @@
 """A program as an editor: what it is given, and how it may fail."""
 
-from __future__ import annotations
-
 import stat
 import sys
 

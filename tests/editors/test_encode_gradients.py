@@ -3,8 +3,6 @@
 That of pix2pix is in test_pix2pix.py, beside its tiny model.
 """
 
-from __future__ import annotations
-
 from closeness import slope_error
 
 from gsedit.paper.editors.closed_form import ClosedForm

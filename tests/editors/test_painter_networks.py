@@ -1,7 +1,5 @@
 """The networks that paint: equal to the published files, for pictures of any kind."""
 
-from __future__ import annotations
-
 from functools import partial
 from pathlib import Path
 

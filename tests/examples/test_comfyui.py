@@ -1,7 +1,5 @@
 """The node of ComfyUI, loaded and called as ComfyUI does."""
 
-from __future__ import annotations
-
 import importlib.util
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The examples run, and leave what they promise."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

@@ -1,7 +1,5 @@
 """The notebook runs from its first cell to its last, on a few small photos."""
 
-from __future__ import annotations
-
 import os
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A step is that of torch's Adam; an optimizer goes on from its state."""
 
-from __future__ import annotations
-
 import pytest
 import torch
 

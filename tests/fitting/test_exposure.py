@@ -1,7 +1,5 @@
 """Photos that differ in exposure are compared after maps of their own; others are left alone."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

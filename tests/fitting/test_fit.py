@@ -8,7 +8,7 @@ import pytest
 import torch
 from point_clouds import ball
 
-from gsedit import Checkpoint, Event, FitSettings, fit, fit_steps
+from gsedit import Checkpoint, Dataset, Event, FitSettings, fit, fit_steps
 from gsedit.bench.synthetic import ring_cameras, scenes, traced_dataset
 from gsedit.capture.fitting.budget import LEAST_STEPS
 from gsedit.capture.fitting.densify import densify, faded
@@ -185,3 +185,17 @@ def test_replacing_the_scene_keeps_the_moments_of_the_rows_that_stay():
     pull(two)
     assert torch.allclose(one.scene.means[order[:2]], two.scene.means[:2])
     assert not torch.allclose(one.scene.means[5], two.scene.means[2])
+
+
+def test_a_photo_too_small_for_the_loss_is_refused_and_fitted_without_ssim():
+    small = traced_dataset(scenes()[0], ring_cameras(scenes()[0], 4, 12), points=50)
+    flat = [one.resized(12, 5) for one in small.views]
+    data = Dataset((*small.views[:2], *flat), small.points, small.point_colors)
+    settings = FitSettings(steps=2, seconds=None, dense_start=0)
+    assert fit(small, settings).steps == 2
+    with pytest.raises(
+        UsageError, match=r"has 12x5 pixels, and SSIM needs 6 .*--set dssim_weight=0"
+    ):
+        fit(data, settings)
+    settings = FitSettings(steps=2, seconds=None, dense_start=0, dssim_weight=0.0)
+    assert fit(data, settings).steps == 2

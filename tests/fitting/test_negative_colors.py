@@ -1,7 +1,5 @@
 """Colors below 0, which a renderer clamps, can be edited."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import torch

@@ -1,7 +1,5 @@
 """The photometric loss is the definition, with the kernel and without, and so is its gradient."""
 
-from __future__ import annotations
-
 import pytest
 import torch
 

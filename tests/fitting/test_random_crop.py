@@ -1,7 +1,5 @@
 """Crops of the edited views reach their borders."""
 
-from __future__ import annotations
-
 import torch
 
 from gsedit.bench.synthetic import demo_scene, ring_cameras

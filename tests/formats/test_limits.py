@@ -1,7 +1,5 @@
 """Bounds of what files may hold: rows, pictures, headers and meshes, and what is no file at all."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

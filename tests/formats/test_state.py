@@ -1,7 +1,5 @@
 """Checkpoints come from anywhere: what they hold is checked before it is used."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

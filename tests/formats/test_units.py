@@ -1,7 +1,5 @@
 """Units and frames through every format that is written and read."""
 
-from __future__ import annotations
-
 from importlib.util import find_spec
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Discs on the surface of a part: where they lie, how they face, what metals and glass show."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

@@ -1,7 +1,5 @@
 """Materials in the light of their scene: the table, the words, the patterns, and the laws."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import get_args
 

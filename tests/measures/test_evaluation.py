@@ -1,7 +1,5 @@
 """Every metric of a scene beside another: laws on a scene whose edit is known exactly."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

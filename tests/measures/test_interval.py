@@ -1,7 +1,5 @@
 """The bootstrap over views: coverage, views as the unit, pairs of views, and few views."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from gsedit.measures.interval import FEWEST_VIEWS, interval, mean_interval

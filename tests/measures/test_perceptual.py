@@ -4,8 +4,6 @@ The laws hold for tiny random networks; the installed weights, where they are, a
 published of them and to numbers that were measured once.
 """
 
-from __future__ import annotations
-
 import sys
 
 import kornia

@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gsedit.change.objects.removal.complete import (
-    complete,
-)
+from gsedit.change.objects.removal.complete import complete
 from gsedit.change.objects.removal.sheet import find_shade
 
 ROWS, COLUMNS = np.mgrid[:64, :64]

@@ -1,7 +1,5 @@
 """Placing: laws of standing, of what stays, of light, and refusals; on a ball on a meadow."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Figures of error against run time, whatever was measured."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from PIL import Image

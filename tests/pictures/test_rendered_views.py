@@ -1,7 +1,5 @@
 """A view as files: the picture and its depth, whole, and never over what is there."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch

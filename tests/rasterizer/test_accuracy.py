@@ -1,7 +1,5 @@
 """Depth and correspondences against the exact ones of a scene."""
 
-from __future__ import annotations
-
 import itertools
 from functools import cache
 

@@ -1,7 +1,5 @@
 """One place chooses what blends, and a backend is a record that anything can fill."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import pytest

@@ -1,7 +1,5 @@
 """The compiled kernel blends what torch blends, is made once, and stops only who asks for it."""
 
-from __future__ import annotations
-
 import gc
 import os
 import signal

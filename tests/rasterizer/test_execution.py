@@ -1,7 +1,5 @@
 """Both backends under other modes of torch, with extreme settings and bad ones."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The compiled front end draws what the Python files draw, or leaves it to them."""
 
-from __future__ import annotations
-
 import warnings
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace

@@ -1,8 +1,6 @@
 """A compiled library is kept where only the user writes, made elsewhere if need be, and opened only
 where nobody else can have put it."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import stat

@@ -1,7 +1,5 @@
 """Rotations, positions on the picture and their inverse: exact in both dtypes."""
 
-from __future__ import annotations
-
 import pytest
 import torch
 from closeness import relative, weights_like

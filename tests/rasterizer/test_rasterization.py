@@ -1,7 +1,5 @@
 """`rasterization` draws what the reference draws, by gsplat's names and conventions."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import ceil, exp, log, sqrt
 

@@ -1,7 +1,5 @@
 """`rasterization` refuses by name what it cannot do and what cannot be drawn."""
 
-from __future__ import annotations
-
 from inspect import unwrap
 
 import pytest

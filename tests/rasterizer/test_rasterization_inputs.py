@@ -1,7 +1,5 @@
 """`rasterization` of features, harmonics, several cameras and batches."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

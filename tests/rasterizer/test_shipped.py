@@ -1,7 +1,5 @@
 """A wheel's libraries: the widest vectors that the processor has are opened, never wider ones."""
 
-from __future__ import annotations
-
 import pytest
 import torch
 

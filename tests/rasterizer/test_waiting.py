@@ -1,7 +1,5 @@
 """Threads sleep after a short spin, but where the user or an earlier import of torch decides."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

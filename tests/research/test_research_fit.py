@@ -1,7 +1,5 @@
 """Both recipes fit a capture under one budget, measured at moments that cost nothing."""
 
-from __future__ import annotations
-
 import itertools
 from collections import Counter
 

@@ -1,7 +1,5 @@
 """Journeys: the commands of the pages are found, and two runs are compared picture by picture."""
 
-from __future__ import annotations
-
 import csv
 from dataclasses import asdict
 

@@ -1,7 +1,5 @@
 """The claims of the paper are judged from records alone; a descent is that of gsedit's strokes."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

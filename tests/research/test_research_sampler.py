@@ -1,7 +1,5 @@
 """Studies of the sampler: what they measure, their table and their plots."""
 
-from __future__ import annotations
-
 import pytest
 import torch
 from research.figures import slope

@@ -1,7 +1,5 @@
 """The baselines of the paper descend their losses, on a tiny scene and a tiny random CLIP."""
 
-from __future__ import annotations
-
 import pytest
 import torch
 from research.strategies.clip import Clip, load_clip

@@ -1,7 +1,5 @@
 """Events survive as JSON lines, the table accounts for all the time."""
 
-from __future__ import annotations
-
 from command_line import read_events
 
 from gsedit import Event

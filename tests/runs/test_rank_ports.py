@@ -1,7 +1,5 @@
 """Ranks that gsedit starts itself open no port to the network."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

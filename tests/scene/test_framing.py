@@ -1,7 +1,5 @@
 """Scenes without cameras are framed upright, by their bulk."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

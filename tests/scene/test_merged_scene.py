@@ -1,7 +1,5 @@
 """A large scene by groups: they look like it, and what is done to them is done to it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

@@ -1,7 +1,5 @@
 """Selecting at a pixel: what a click, more clicks, a box and a mask take."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

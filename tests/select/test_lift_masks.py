@@ -1,7 +1,5 @@
 """Masks of several views lifted to Gaussians: exact, noisy, of several things, of nothing."""
 
-from __future__ import annotations
-
 import pytest
 import torch
 from bench.staged import stage

@@ -1,7 +1,5 @@
 """Phrases about things without a network: what they mean on staged scenes, and what is refused."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Regions: how they are written, drawn, found from masks and predictions, and kept in files."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

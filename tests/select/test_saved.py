@@ -1,7 +1,5 @@
 """Selections with names: however spelt, of one scene, carried by an edit."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The subject of a scene: the network, segments that stand out, and what carries them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

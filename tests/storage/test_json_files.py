@@ -1,7 +1,5 @@
 """JSON from anybody: each damage is one line that names the file and the place."""
 
-from __future__ import annotations
-
 import json
 import os
 

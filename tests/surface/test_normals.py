@@ -1,7 +1,5 @@
 """Normals of Gaussians against those of exact surfaces."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

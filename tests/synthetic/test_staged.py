@@ -1,7 +1,5 @@
 """Staged scenes: laws of the changes, and Gaussians that follow them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch

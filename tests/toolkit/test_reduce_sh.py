@@ -1,7 +1,5 @@
 """Dropping SH bands: what is lost is told, and is what the colors lose."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Saved selections called by name in sentences: the name wins over every list of words."""
 
-from __future__ import annotations
-
 import pytest
 
 from gsedit.words.called import read_called

@@ -1,7 +1,5 @@
 """Names that sentences are read by: each has a painter, and each painter a name."""
 
-from __future__ import annotations
-
 import pytest
 
 from gsedit.change.light.table import LIGHTS

@@ -1,7 +1,5 @@
 """Objects by their numbers, as `gsedit select --objects` tells them."""
 
-from __future__ import annotations
-
 import pytest
 from labelled import statue
 

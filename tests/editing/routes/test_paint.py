@@ -1,7 +1,5 @@
 """The paint route on exact subjects: a matte ball in a garden, and the same ball alone."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch

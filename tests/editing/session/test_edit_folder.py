@@ -1,7 +1,5 @@
 """The folder of an edit from Python: one call, every file, and nothing replaced unasked."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

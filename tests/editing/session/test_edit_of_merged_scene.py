@@ -1,7 +1,5 @@
 """An edit of a large scene by its groups is the edit of all of its Gaussians, nearly."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 

@@ -1,7 +1,5 @@
 """Views of another size than the editor's are edited at its size, and their change is carried."""
 
-from __future__ import annotations
-
 import pytest
 import torch
 from tiny_edits import painted, steps

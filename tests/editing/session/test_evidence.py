@@ -1,7 +1,5 @@
 """The measurements of an edit: agreement between views, held-out edits, names in edit.json."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

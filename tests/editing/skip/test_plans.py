@@ -1,8 +1,6 @@
 """Three scenes get their decisions; an edit that skips views differs from the same edit that
 does not by about the decision's error. --junitxml FILE records the differences."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

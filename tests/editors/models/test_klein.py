@@ -1,7 +1,5 @@
 """FLUX.2-klein against diffusers' pipelines, tiny and random."""
 
-from __future__ import annotations
-
 import model_laws
 import pytest
 import torch

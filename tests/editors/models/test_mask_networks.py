@@ -1,7 +1,5 @@
 """Networks as mask providers, against transformers' own classes run directly on tiny weights."""
 
-from __future__ import annotations
-
 import pytest
 import tiny_segmenters as tiny
 import torch

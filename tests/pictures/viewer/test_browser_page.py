@@ -1,7 +1,5 @@
 """The page in the browser: all splats inside, no network, the right layers in every state."""
 
-from __future__ import annotations
-
 import base64
 import json
 import re

@@ -1,7 +1,5 @@
 """Viewers show what is there, and say what to install where a library is missing."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 
