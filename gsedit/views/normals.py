@@ -162,9 +162,7 @@ def _view_normals(
     return blended + DEPTH_SHARE * normals_of_depth(camera, drawn.median_depth)
 
 
-def smoothed(
-    evidence: Float[Tensor, "n 3"], rows: Int[Tensor, "n k"], rounds: int = 2
-) -> Normals:
+def smoothed(evidence: Float[Tensor, "n 3"], rows: Int[Tensor, "n k"], rounds: int = 2) -> Normals:
     """Unit normals, mixed with those of neighbors that face alike; and their agreement.
 
     Each counts by the logarithm of its evidence: one near a camera does not outweigh all others.

@@ -71,8 +71,8 @@ def test_a_finish_decides_what_depends_on_the_direction(ball):
     shine = {}
     for finish in ("matte", "glossy", "metallic"):
         change = paint(f"{finish} teal", "#029386")
-        after = painted(scene, change, own, cameras).scene
-        shine[finish] = float(after.sh[own, 1:].abs().sum())
+        outcome = painted(scene, change, own, cameras)
+        shine[finish] = float(outcome.scene.sh[own[outcome.origin], 1:].abs().sum())
     assert shine["matte"] == 0
     assert min(shine["glossy"], shine["metallic"]) > 0
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 from jaxtyping import Bool, Float, Float64, Int64
-from scipy.ndimage import gaussian_filter, grey_dilation, median_filter
+from scipy.ndimage import gaussian_filter, grey_dilation
 
 from gsedit.change.objects.removal.cells import (
     away_from,
@@ -421,24 +421,12 @@ def find_shade(
     shadow = touching(dark, source)
     if not shadow.any() or not _cast(light, shadow, known & ~shadow, away):
         return none[0], contact
-    sharp = _sharp(picture, usual, known, light, sigma).clip(0.05, 1.0)
-    fading = mean_around(np.where(shadow[..., None], sharp, 1.0), seen, sigma / 2).clip(0.05, 1.0)
+    # as smooth as that the surface's own pattern is no light
+    light = mean_around(picture, seen, max(4.0, sigma)) / usual
+    fading = np.where(shadow[..., None], light.clip(0.05, 1.0), 1.0)
+    fading = mean_around(fading, seen, max(1.0, sigma / 2)).clip(0.05, 1.0)
     contact |= shadow & (fading.mean(-1) < DEEP)
     return np.where(known[..., None], fading, 1.0), contact
-
-
-def _sharp(
-    picture: Float[np.ndarray, "h w 3"],
-    usual: Float[np.ndarray, "h w 3"],
-    known: Bool[np.ndarray, "h w"],
-    light: Float[np.ndarray, "h w 3"],
-    sigma: float,
-) -> Float[np.ndarray, "h w 3"]:
-    """Light with the edges of shadows: medians keep them, means do not."""
-    seen = known.astype(np.float64)
-    ratio = mean_around(picture, seen, 1.0) / usual
-    width = 2 * round(sigma) + 1
-    return median_filter(np.where(known[..., None], ratio, light), (width, width, 1))
 
 
 def _cast(
