@@ -12,8 +12,8 @@ ROOT = Path(__file__).parents[1]
 LONGEST_FUNCTION = 40
 """Lines, the docstring not counted."""
 MOST = {
-    "product": (("gsedit", "cli", "rasterizer"), 69_201, 401),
-    "tests": (("tests",), 31_993, 299),
+    "product": (("gsedit", "cli", "rasterizer"), 69_198, 401),
+    "tests": (("tests",), 31_994, 299),
     "examples": (("examples",), 5_519, 46),
 }
 """Lines and files of Python of the whole house: whoever wants a line finds one to give. These

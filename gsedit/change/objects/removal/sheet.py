@@ -376,6 +376,9 @@ SOFT = 0.82
 """Light at the border of a shadow, of what is usual, from which it fades out."""
 FADES = 0.05
 """Least difference in light of its farthest and nearest quarters, then: else it is the ground's."""
+PATTERN = 4.0
+"""Least standard deviation of the blur that leaves the light of a surface, cells: a pattern of its
+own, as a floor's tiles, is no light."""
 
 
 def find_shade(
@@ -393,8 +396,7 @@ def find_shade(
 
     What is nearer to `others`, that stand there too, is in their shadow.
     """
-    none = np.ones_like(picture), np.zeros_like(hole)
-    source = hole | caster
+    none, source = (np.ones_like(picture), np.zeros_like(hole)), hole | caster
     if not caster.any() or not (known & ~source).any():
         return none
     size = float(np.sqrt(source.sum()))
@@ -421,8 +423,7 @@ def find_shade(
     shadow = touching(dark, source)
     if not shadow.any() or not _cast(light, shadow, known & ~shadow, away):
         return none[0], contact
-    # as smooth as that the surface's own pattern is no light
-    light = mean_around(picture, seen, max(4.0, sigma)) / usual
+    light = mean_around(picture, seen, max(PATTERN, sigma)) / usual
     fading = np.where(shadow[..., None], light.clip(0.05, 1.0), 1.0)
     fading = mean_around(fading, seen, max(1.0, sigma / 2)).clip(0.05, 1.0)
     contact |= shadow & (fading.mean(-1) < DEEP)
