@@ -55,7 +55,7 @@ INSTRUCTIONS = (
     "draw it in pencil",
     "as an expressionist painting",
 )
-"""Of the subject, of the scene, of objects, of pictures."""
+"""Sentences about the subject, the scene, objects and pictures."""
 DRAWN = len(INSTRUCTIONS) - 1
 """Instruction that the painter draws."""
 FRONT = (("turn it into a bronze statue", "at night by moonlight"),
