@@ -56,7 +56,7 @@ class Recipe:
     size: int | None = option(None, "PIXELS", min=16)
     """Longer side of the photos. None: as they are, up to 1,024."""
     quality: Literal["draft", "normal", "high"] = option("normal")
-    """draft: 2,000 steps, 100,000 Gaussians, about 1.5 minutes. normal: 6,000, 150,000, 5. high:
+    """draft: 2,000 steps, 100,000 Gaussians, about 2 minutes. normal: 6,000, 150,000, 5. high:
     16,000, 300,000, SH degree 2, 15. Options that are given win."""
     minutes: float | None = option(None, min=0.01)
     """Fit for this time, whatever the steps. None: the steps of --quality."""

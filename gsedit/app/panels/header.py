@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from gsedit.app.page import Page
     from gsedit.app.tab import Tab
 
-MINUTES = dict(zip(QUALITIES, ("1.5 minutes", "5 minutes", "15 minutes"), strict=True))
+MINUTES = dict(zip(QUALITIES, ("2 minutes", "5 minutes", "15 minutes"), strict=True))
 """Time of a fit by its quality, as `gsedit fit` has it."""
 
 
