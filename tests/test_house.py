@@ -12,7 +12,7 @@ ROOT = Path(__file__).parents[1]
 LONGEST_FUNCTION = 40
 """Lines, the docstring not counted."""
 MOST = {
-    "product": (("gsedit", "cli", "rasterizer"), 69_198, 401),
+    "product": (("gsedit", "cli", "rasterizer"), 69_189, 401),
     "tests": (("tests",), 31_994, 299),
     "examples": (("examples",), 5_519, 46),
 }

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import radians, sin
 
@@ -132,3 +133,18 @@ def framing_camera(
         raise UsageError(f"the camera stands where it looks, at {eye.tolist()}: move one of them")
     camera = look_at(eye, center, up, fov_y, width, height)
     return replace(camera, near=bulk.near)
+
+
+def finest_pixels(means: Float[Tensor, "n 3"], cameras: Sequence[Camera]) -> Float[Tensor, " n"]:
+    """Width of a pixel at each Gaussian in the camera that shows it largest, world units.
+
+    0 where no camera has it in its picture, with a margin of a tenth on each side.
+    """
+    finest = torch.full_like(means[:, 0], torch.inf)
+    for camera in cameras:
+        places, depth = camera.project(means)
+        size = places.new_tensor((camera.width, camera.height))
+        seen = (depth > 0) & ((places / size - 0.5).abs().amax(-1) < 0.6)
+        width = (depth if camera.model == "pinhole" else 1.0) / camera.fx
+        finest = torch.where(seen, finest.clamp_max(width), finest)
+    return finest.nan_to_num(posinf=0.0)

@@ -17,6 +17,7 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
+from gsedit.scene.framing import finest_pixels
 from gsedit.scene.morton import interleave
 from gsedit.scene.quaternions import principal_axes
 from rasterizer.camera import Camera
@@ -136,13 +137,7 @@ def _halvings(
     if not cameras:
         return torch.zeros(len(means), dtype=torch.int8)
     points = means.index_select(0, order[::PROBED_ROWS])
-    finest = torch.zeros(len(points))
-    for camera in cameras:
-        places, depth = camera.project(points)
-        size = torch.tensor((camera.width, camera.height))
-        is_seen = ((places / size - 0.5).abs().amax(-1) < 0.6) & (depth > 0)
-        pixels = camera.fx / depth if camera.model == "pinhole" else depth.new_tensor(camera.fx)
-        finest = torch.where(is_seen, torch.maximum(finest, pixels), finest)
+    finest = finest_pixels(points, cameras).reciprocal().nan_to_num(posinf=0.0)  # a unit
     if not (finest > 0).any():
         return torch.zeros(len(means), dtype=torch.int8)
     drawn = finest[finest > 0]

@@ -50,10 +50,7 @@ def covers(
     found = [(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))]
     for each in np.unique(size).tolist():
         rows = np.flatnonzero(size == each)
-        k, bound = (
-            min(NEIGHBORS + 1, len(rows)),
-            3 * 2.0 ** (each + 1),
-        )  # a Gaussian ends at 3 sigma
+        k, bound = min(NEIGHBORS + 1, len(rows)), 3 * 2.0 ** (each + 1)  # it ends at 3 sigma
         distance, at = k_nearest(table.means[rows], points, k, bound)
         near = np.isfinite(distance)
         point, row = np.nonzero(near)[0], rows[at[near]]

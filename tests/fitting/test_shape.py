@@ -11,7 +11,8 @@ from point_clouds import ball
 
 from gsedit import Event, FitSettings, fit_steps
 from gsedit.bench.synthetic import ring_cameras, scenes, traced_dataset
-from gsedit.capture.fitting.shape import LEAST_WIDTH, LENGTH_A_PIXEL, finest_pixels, hold_shapes
+from gsedit.capture.fitting.shape import LEAST_WIDTH, LENGTH_A_PIXEL, hold_shapes
+from gsedit.scene.framing import finest_pixels
 
 
 def photos(count: int = 16, size: int = 48):
@@ -27,8 +28,7 @@ def test_the_nearest_camera_that_sees_a_place_has_the_finest_pixel_there():
     near = photos(4, 32).views[0].camera
     far = replace(near, world_to_camera=near.world_to_camera.clone())
     far.world_to_camera[2, 3] += 3.0
-    place = near.center + 2.0 * near.forward
-    behind = near.center - 10.0 * near.forward
+    place, behind = (near.center + at * near.forward for at in (2.0, -10.0))
     found = finest_pixels(torch.stack((place, behind)), (far, near))
     assert found.tolist() == pytest.approx([2.0 / near.fx, 0.0], rel=1e-5)
 
@@ -47,8 +47,8 @@ def test_a_fit_ends_with_allowed_shapes():
     start = replace(ball(200), log_scales=torch.tensor([-7.0, -3.0, -1.0]).repeat(200, 1))
     settings = FitSettings(steps=40, densify_every=10)
     *_, result = fit_steps(data, settings, generator=generator(), start=start)
-    scales = result.scene.scales.sort(-1).values
-    pixels = finest_pixels(result.scene.means, [view.camera for view in data.split()[0]])
+    cameras = [view.camera for view in data.split()[0]]
+    pixels, scales = finest_pixels(result.scene.means, cameras), result.scene.scales.sort(-1).values
     assert (scales[:, 0] > 0.9 * LEAST_WIDTH * pixels).all()  # positions moved since
     assert (scales[:, 2] * pixels < 1.1 * LENGTH_A_PIXEL * scales[:, 1].square()).all()
 

@@ -27,7 +27,6 @@ from gsedit.capture.fitting.initial import Once, initial_scene
 from gsedit.capture.fitting.optimizer import SceneOptimizer, optimized_scene
 from gsedit.capture.fitting.photometric import SMALLEST, photometric, supervised
 from gsedit.capture.fitting.settings import FitSettings
-from gsedit.capture.fitting.shape import finest_pixels
 from gsedit.errors import UsageError
 from gsedit.measures.decibels import rmse_from_psnr
 from gsedit.measures.formulas import psnr
@@ -37,6 +36,7 @@ from gsedit.run.json_lines import plain
 from gsedit.run.ranks import ALONE, Ranks
 from gsedit.run.state import State, check_same, digest, digest_of, restoring, tensor_like
 from gsedit.run.step_threads import StepThreads
+from gsedit.scene.framing import finest_pixels
 from gsedit.scene.picture import render_picture
 from gsedit.views.dataset import Dataset, View
 from gsedit.views.lazy_views import PixelCache

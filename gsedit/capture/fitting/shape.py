@@ -7,14 +7,11 @@ loss). Here widths are held during the fit: the scene that is optimised is the o
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from math import log
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
-
-from rasterizer.camera import Camera
 
 LEAST_WIDTH = 0.3
 """Standard deviation along every axis, pixels of the photo that shows a Gaussian largest."""
@@ -22,20 +19,6 @@ LENGTH_A_PIXEL = 10.0
 """Longest axis, in lengths of the middle one for each pixel of the middle one: the thinner, the
 shorter. Gaps between planks, which photos show, stay whole, and the granite of the bear has grains
 and not scratches; with 3 lengths at any width gaps were rows of beads."""
-
-
-def finest_pixels(means: Float[Tensor, "n 3"], cameras: Sequence[Camera]) -> Float[Tensor, " n"]:
-    """Width of a pixel at each Gaussian in the camera that shows it largest, world units.
-
-    0 where no camera has it in its picture, with a margin of a tenth on each side.
-    """
-    finest = torch.full_like(means[:, 0], torch.inf)
-    for camera in cameras:
-        xy, depth = camera.project(means)
-        size = xy.new_tensor((camera.width, camera.height))
-        seen = (depth > 0) & ((xy / size - 0.5).abs() < 0.6).all(-1)
-        finest = torch.where(seen, finest.minimum(depth / camera.fx), finest)
-    return finest.nan_to_num(posinf=0.0)
 
 
 @torch.no_grad()
