@@ -11,13 +11,14 @@ from point_clouds import ball
 from gsedit import Checkpoint, Dataset, Event, FitSettings, fit, fit_steps
 from gsedit.bench.synthetic import ring_cameras, scenes, traced_dataset
 from gsedit.capture.fitting.budget import LEAST_STEPS
-from gsedit.capture.fitting.densify import densify, faded
+from gsedit.capture.fitting.densify import densify, faded, without_floaters
 from gsedit.capture.fitting.fit import evaluate
 from gsedit.capture.fitting.initial import initial_scene, neighbor_distance
 from gsedit.capture.fitting.optimizer import SceneOptimizer
 from gsedit.errors import UsageError
 from rasterizer import render
 from rasterizer.project import rotation_matrices
+from rasterizer.scene import concatenate
 
 
 def photos(count: int = 16, size: int = 48):
@@ -148,6 +149,20 @@ def test_densify_stops_at_the_target_and_the_share():
     pull = torch.rand(100, generator=generator())
     for target, number in ((106, 106), (120, 110), (50, 100)):
         assert len(densify(ball(100), pull, target).scene) == number
+
+
+def test_what_hangs_before_a_camera_is_a_floater_and_a_near_thing_is_not():
+    scene, cameras = ball(300), [view.camera.fitted(32) for view in photos(3, 48).views]
+    one = cameras[0]
+    hanging = scene[:4].map(torch.clone)
+    hanging.means[:] = (one.center + 0.2 * one.forward).float()
+    hanging.log_scales[:] = -7.0
+    cleared, origin, fresh = without_floaters(concatenate(scene, hanging), cameras)
+    assert origin.tolist() == list(range(300))
+    assert not fresh.any()
+    hanging.log_scales[:] = -2.5  # a fist before the lens fills the picture: it was there
+    assert len(without_floaters(concatenate(scene, hanging), cameras).scene) == 304
+    assert len(without_floaters(cleared, [])[0]) == 300
 
 
 def test_unseen_gaussians_never_move():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import log, sqrt
 from typing import NamedTuple
@@ -14,7 +14,9 @@ from torch import Tensor
 from gsedit.run.state import tensor_like
 from gsedit.run.step_threads import on_threads
 from rasterizer.camera import Camera
+from rasterizer.numerics import AUTO, Execution
 from rasterizer.project import rotation_matrices
+from rasterizer.render import render
 from rasterizer.scene import Gaussians, concatenate
 
 MOST_DIVIDED = 0.1
@@ -28,6 +30,12 @@ SPLIT_OFFSET = 0.75
 axis, and are shorter there by as much as leaves the second moment of both together what it was."""
 SPLIT_LENGTH = sqrt(1 - SPLIT_OFFSET**2)
 """Length of a half along that axis, in lengths of the whole."""
+NEAR_SHARE = 0.5
+"""Share of the depth at which a camera's picture begins, nearer than which a Gaussian is a floater:
+photos are taken from where nothing stands between the camera and the scene."""
+PICTURE_BEGINS = 0.02
+"""Share of a picture's pixels that are nearer than where it begins: a thing that really stands
+there fills more."""
 
 
 class Densified(NamedTuple):
@@ -98,6 +106,30 @@ def densify(scene: Gaussians, gradients: Float[Tensor, " n"], target: int) -> De
     origin = torch.cat((kept, strongest, strongest))
     fresh = torch.arange(len(origin)) >= len(kept)
     return Densified(concatenate(scene[kept], *halves), origin, fresh)
+
+
+@torch.no_grad()
+def without_floaters(
+    scene: Gaussians, cameras: Sequence[Camera], execution: Execution = AUTO
+) -> Densified:
+    """Remove what hangs before a camera: what no photo contradicts, since only that one sees it.
+
+    Each camera's picture begins at the depth that PICTURE_BEGINS of its median depths are below;
+    what it shows nearer than NEAR_SHARE of that is removed. Small cameras do.
+    """
+    kept = torch.ones(len(scene), dtype=torch.bool)
+    for camera in cameras:
+        depths = render(scene, camera, median_depth=True, execution=execution).median_depth
+        assert depths is not None
+        if not (seen := depths[depths > 0]).numel():
+            continue
+        nearest = NEAR_SHARE * seen.quantile(PICTURE_BEGINS)
+        places, depth = camera.project(scene.means)
+        size = places.new_tensor((camera.width, camera.height))
+        inside = ((places >= 0) & (places < size)).all(-1)
+        kept &= ~(inside & (depth > 0) & (depth < nearest))
+    origin = kept.nonzero().squeeze(-1)
+    return Densified(scene[origin], origin, torch.zeros_like(origin, dtype=torch.bool))
 
 
 def faded(scene: Gaussians, decay: float = DECAY) -> Gaussians:

@@ -21,7 +21,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from gsedit.capture.fitting.budget import Budget
-from gsedit.capture.fitting.densify import ScreenGradients, densify
+from gsedit.capture.fitting.densify import Densified, ScreenGradients, densify, without_floaters
 from gsedit.capture.fitting.exposure import Exposures
 from gsedit.capture.fitting.initial import Once, initial_scene
 from gsedit.capture.fitting.optimizer import SceneOptimizer, optimized_scene
@@ -69,6 +69,10 @@ EQUAL_PIXELS = 135_000
 of the bear take 17 ms a step at 128 pixels, 22 at 256 and 47 at 512 (two threads)."""
 GROWTH_SHARE = 0.6
 """Share of the budget after which the number of Gaussians is left alone."""
+FLOATERS_EVERY = 10
+"""Densifications between two looks for floaters, each of which renders every photo small."""
+CLEARED_AT = 128
+"""Longer side, pixels, of the pictures in which floaters are looked for."""
 LOSS_DECAY = 0.95
 """Decay per step of the running mean of the loss that events report."""
 
@@ -321,16 +325,24 @@ class _Fit:
         return work * (self.budget.seconds - self.began) / self.work
 
     def densify_if_due(self) -> None:
-        """Densify every so many steps."""
-        settings, budget, optimizer = self.settings, self.budget, self.optimizer
+        """Densify every so many steps, and find floaters every so many times."""
+        settings, budget = self.settings, self.budget
         if budget.step % settings.densify_every:
             return
         if budget.progress < GROWTH_SHARE:
-            scene, gradients = optimizer.scene.detach(), self.gradients.mean
-            grown = densify(scene, gradients, self._gaussians_due())
-            optimizer.replace(*grown)
-            self.gradients = ScreenGradients(len(grown.scene))
-        self.pixels = finest_pixels(optimizer.scene.means.detach(), self.cameras)
+            scene, gradients = self.optimizer.scene.detach(), self.gradients.mean
+            self._replace(densify(scene, gradients, self._gaussians_due()))
+        if not budget.step % (FLOATERS_EVERY * settings.densify_every):
+            self._replace(self._cleared())
+        self.pixels = finest_pixels(self.optimizer.scene.means.detach(), self.cameras)
+
+    def _replace(self, other: Densified) -> None:
+        self.optimizer.replace(*other)
+        self.gradients = ScreenGradients(len(other.scene))
+
+    def _cleared(self) -> Densified:
+        small = [camera.fitted(CLEARED_AT) for camera in self.cameras]
+        return without_floaters(self.optimizer.scene.detach(), small, self.settings.execution)
 
     def _gaussians_due(self) -> int:
         """How many there are to be by now: from the start's number evenly to the limit."""
@@ -358,7 +370,7 @@ class _Fit:
 
     def finish(self) -> Iterator[Event | FitResult]:
         """The last measurement, and the result."""
-        scene = self._copy_scene()
+        scene = self._cleared().scene
         yield self._measure(scene)
         steps, seconds = self.budget.step, self.budget.seconds
         yield FitResult(scene, self.curve[-1][1], steps, seconds, tuple(self.curve))
