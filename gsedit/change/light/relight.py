@@ -258,19 +258,17 @@ def step(values: Float[Tensor, "*n"], low: float, high: float) -> Float[Tensor, 
 
 MIDDLE = 0.14
 """Mean linear luminance of a picture that is exposed well: of a display, 0.41."""
-ADAPTED = 0.5
+ADAPTED = 0.4
 """Power of what is missing to it that the exposure makes up: a night stays darker than a day."""
 GLEAM = 0.05
 """Share of the light that is added which any surface throws back, whatever its color."""
 
 
 def exposure(found: Survey, scene: Gaussians, ratio: Float[Tensor, "n 3"]) -> float:
-    """Factor, at least 1, of the light on an object that is alone; 1 where something is around it.
+    """Factor, at least 1, of dim light, as eyes and cameras adapt: a gray day's night is no black.
 
     `ratio` is new light over present light. Stronger light stays brighter.
     """
-    if not found.place.alone:
-        return 1.0
     linear = sh_to_color(scene.sh[:, 0].detach().double()).clamp(0, 1) ** GAMMA * ratio
     seen = found.seen / found.seen.sum().clamp_min(1e-12)
     mean = float(seen @ (linear @ torch.from_numpy(LUMINANCE / LUMINANCE.sum())))
