@@ -124,7 +124,7 @@ def paint_scenery(
     """Bring weather, seasons, water or a drawing over a part; over all, snow lies as a layer,
     but in previews."""
     (change,), inside = run, _inside(run[0], flags)
-    if change.name in GROWTHS and "shown" not in flags and bool(inside.all()):
+    if change.name in GROWTHS and bool((inside & flags.get("shown", inside)).all()):
         with suppress(UsageError):  # it may lie nowhere
             return grow(scene, change.name, cameras=looking.cameras, execution=looking.execution)
     seen = looking.seen(scene)
