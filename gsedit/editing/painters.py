@@ -12,6 +12,7 @@ from every direction: matrices of gsedit.toolkit.grade and of the W3C's filter e
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from math import isfinite, log2
 
@@ -24,6 +25,8 @@ from gsedit.change.light.relight import relit
 from gsedit.change.light.table import setup_of
 from gsedit.change.materials.apply import in_material
 from gsedit.change.materials.table import material_of, paint_of
+from gsedit.change.objects.growth.grow import grow
+from gsedit.change.objects.growth.table import GROWTHS
 from gsedit.change.scenery.table import SCENERIES, in_scenery
 from gsedit.editing.placements import Flags, paint_objects
 from gsedit.editing.plan import key_of
@@ -118,8 +121,12 @@ def paint_light(scene: Gaussians, run: Sequence[Change], flags: Flags, looking: 
 def paint_scenery(
     scene: Gaussians, run: Sequence[Change], flags: Flags, looking: Looking
 ) -> Outcome:
-    """Bring weather, seasons, water or a drawing over a part."""
+    """Bring weather, seasons, water or a drawing over a part; over all, snow lies as a layer,
+    but in previews."""
     (change,), inside = run, _inside(run[0], flags)
+    if change.name in GROWTHS and bool((inside & flags.get("shown", inside)).all()):
+        with suppress(UsageError):  # it may lie nowhere
+            return grow(scene, change.name, cameras=looking.cameras, execution=looking.execution)
     seen = looking.seen(scene)
     made = in_scenery(scene, change.name, looking.cameras, seen, inside, looking.execution)
     lit = SCENERIES[change.name].light is not None  # autumn and a sketch bring none

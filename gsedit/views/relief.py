@@ -22,9 +22,6 @@ from rasterizer.scene import Gaussians
 
 STEP = 6.0
 """Difference of height, in pixels, between neighbors that are on two surfaces."""
-CLIFF = 8.0
-"""Least fall of height, in pixels, over one pixel at which a surface ends: captured ones are rough.
-"""
 MARGIN = 6
 """Pixels around the part."""
 FEWEST = 24
@@ -86,6 +83,20 @@ class Relief:
         lifted = self.points + (heights - self.heights)[..., None] * self.axis
         return replace(self, points=lifted)
 
+    def filled(self, reach: int) -> Relief:
+        """The map without holes that are at most 2 `reach` pixels wide: they get the height of what
+        is nearest. From above, the ground of a capture is full of holes between needles."""
+        from scipy import ndimage
+
+        there = self.there.numpy()
+        closed = ndimage.binary_closing(np.pad(there, reach), np.ones((3, 3)), reach)
+        found: Any = ndimage.distance_transform_edt(
+            ~there, return_distances=False, return_indices=True
+        )
+        nearest = tuple(torch.from_numpy(each).long() for each in found)
+        there = torch.from_numpy(closed[reach:-reach, reach:-reach].copy())
+        return replace(self.at(self.heights[nearest]), there=there)
+
     def smoothed(self, rounds: int) -> Relief:
         """The map with means over neighbors on the same surface, one after the other."""
         heights = self.heights
@@ -108,20 +119,12 @@ class Relief:
         tilted = self.axis - across[..., None] * self.right - along[..., None] * self.down
         return torch.nn.functional.normalize(tilted, dim=-1)
 
-    def brinks(self, fall: float) -> Bool[Tensor, "h w"]:
-        """Pixels of the surface next to which it ends, or falls by more than `fall`."""
-        tops = self.tops
-        lowest = -torch.nn.functional.max_pool2d(
-            torch.nn.functional.pad(-tops, (1, 1, 1, 1), value=torch.inf)[None, None], 3, 1
-        )[0, 0]
-        return self.there & (tops - lowest > max(fall, CLIFF * self.pixel))
-
-    def inner(self, pixels: int) -> Bool[Tensor, "h w"]:
-        """The surface without what is near where it ends: slopes are not known there."""
-        ends = (~self.there | self.brinks(0.0)).double()
-        wide = 2 * pixels + 1
-        near = torch.nn.functional.max_pool2d(ends[None, None], wide, 1, pixels)[0, 0]
-        return near == 0
+    @property
+    def brinks(self) -> Bool[Tensor, "h w"]:
+        """Pixels of the surface next to one of a lower surface, or to none."""
+        lifted = (-self.tops)[None, None]
+        lowest = -torch.nn.functional.max_pool2d(lifted, 3, 1, 1)[0, 0]
+        return self.there & (self.tops - lowest > STEP * self.pixel)
 
     def _around(self, heights: Float[Tensor, "h w"]) -> tuple[Tensor, Tensor]:
         """Heights of the 3 x 3 pixels around each, row by row, and whether they are on its

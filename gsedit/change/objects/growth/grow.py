@@ -10,18 +10,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 from math import ceil, sqrt, tau
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from gsedit.change.light.relight import Survey, step, survey
 from gsedit.change.objects.growth.table import Growth, Site, Spots, growth_of
 from gsedit.change.objects.placing.daylight import Sun, sun_of
 from gsedit.change.objects.placing.stance import stance_of
-from gsedit.change.scenery.table import Setting
+from gsedit.change.scenery.table import Setting, in_scenery
 from gsedit.errors import UsageError
 from gsedit.scene.neighbors import k_nearest
 from gsedit.scene.outcome import NEW, Outcome, check_finite
@@ -38,14 +39,11 @@ from rasterizer.project import rotation_matrices
 from rasterizer.render import backproject, render
 from rasterizer.scene import Gaussians, concatenate
 
-ROUND = 0.9
-"""Width of the round edge, in the thickness."""
-SWELL, SWELL_WIDTH = 0.35, 6.0
-"""Share of the thickness that is in the middle only, and the distance from the edge, in the
-thickness, over which it comes."""
+ROUND = 1.0
+"""Width of the round edge, and of half a gap that a layer bridges, in the thickness."""
 SPREAD, FLAT = 0.72, 0.16
 """Standard deviations along and across a surface, in pixels: neighbors blend to an even one."""
-STEEPEST = 0.2
+STEEPEST = 0.5
 """Cosine below which a disc is not stretched any more."""
 MOST_OPAQUE = 0.985
 
@@ -69,6 +67,12 @@ class Patch:
         top = self.relief.at(self.relief.heights + self.height)
         return replace(top, there=self.lies)
 
+    def count(self, growth: Growth) -> int:
+        """Number of discs or tufts on it."""
+        if growth.body != "layer":
+            return int(self.lies.sum())
+        return sum(len(rows) for _, rows, _ in blocks_of(self.lies, self.top.normals()))
+
     def spots(self, surface: Relief) -> Spots:
         """Places of the layer, one a pixel, on its top or on the relief under it."""
         normals = surface.normals()[self.lies]
@@ -76,41 +80,55 @@ class Patch:
 
 
 def covered(relief: Relief, share: Float[Tensor, "h w"], least: float) -> Bool[Tensor, "h w"]:
-    """Pixels that a layer lies on: those that more than the least share covers, without specks and
-    small holes."""
-    lies = without_specks((share > least) & relief.there)
-    return ~without_specks(~lies) & relief.there
+    """Pixels that a layer lies on: those that more than the least share covers, without specks,
+    small holes, and floaters, which are small pieces high above what is beside them."""
+    lies = without_specks((share > least) & relief.there & ~relief.brinks)
+    return ~without_specks(~lies) & relief.there & ~relief.brinks
 
 
-def thickness(relief: Relief, lies: Bool[Tensor, "h w"], most: float) -> Float[Tensor, "h w"]:
-    """Height of a layer over the surface: round at its edges, `most` far from them."""
-    from scipy import ndimage
+def most_around(values: Float[Tensor, "h w"], reach: int) -> Float[Tensor, "h w"]:
+    """Largest value within `reach` rows and columns."""
+    wide = 2 * reach + 1
+    return torch.nn.functional.max_pool2d(values[None, None], wide, 1, reach)[0, 0]
 
-    edges = relief.brinks(most) | ~lies
-    away = torch.from_numpy(ndimage.distance_transform_edt(~edges.numpy())) * relief.pixel
-    rim = (away / (ROUND * most)).clamp(0, 1)
-    middle = (away / (SWELL_WIDTH * most)).clamp(0, 1)
-    profile = (1 - (1 - rim).square()).sqrt() * (1 - SWELL + SWELL * middle * (2 - middle))
-    return most * profile * lies
+
+def blanket(heights: Float[Tensor, "h w"], wide: int, fall: float) -> Float[Tensor, "h w"]:
+    """The highest surface under this one that is nowhere rounder than a pillow, which falls by
+    `fall` within `wide` pixels: edges get round, and what is narrower goes (an opening by a
+    parabola, which is separable)."""
+    drop = fall * (torch.arange(-wide, wide + 1).double() / wide).square()
+    return -_sunk(-_sunk(heights, drop), drop)
+
+
+def _sunk(heights: Float[Tensor, "h w"], drop: Float[Tensor, " k"]) -> Float[Tensor, "h w"]:
+    """The lowest of the heights around, each lifted by its drop along rows and along columns."""
+    wide = len(drop) // 2
+    for axis in (0, 1):
+        padded = torch.nn.functional.pad(heights.movedim(axis, -1)[None], (wide, wide), "replicate")
+        count = heights.shape[axis]
+        lifted = (padded[0, :, i : i + count] + rise for i, rise in enumerate(drop.tolist()))
+        heights = reduce(torch.minimum, lifted).movedim(-1, axis)
+    return heights
 
 
 def discs(
     points: Float[Tensor, "m 3"],
     normals: Float[Tensor, "m 3"],
-    relief: Relief,
+    axis: Float[Tensor, "3"],
+    pixel: float,
     opacity: Float[Tensor, " m"] | float,
     colors: Float[Tensor, "m 3"],
 ) -> Gaussians:
-    """Flat Gaussians along a surface that is sampled once a pixel along the relief's axis,
-    stretched where it is steep; display colors."""
-    cosine = (normals @ relief.axis).clamp_min(STEEPEST)
-    downhill = relief.axis - (normals @ relief.axis)[:, None] * normals
+    """Flat Gaussians along a surface that is sampled once a pixel along an axis, stretched where
+    it is steep; display colors."""
+    cosine = (normals @ axis).clamp_min(STEEPEST)
+    downhill = axis - (normals @ axis)[:, None] * normals
     along = torch.where(
         downhill.norm(dim=-1, keepdim=True) < 1e-3, perpendicular(normals), downhill
     )
     wide = torch.full_like(cosine, SPREAD)
     scales = torch.stack((wide / cosine, wide, torch.full_like(cosine, FLAT)), -1)
-    return assembled(points, along, normals, relief.pixel * scales, opacity, colors)
+    return assembled(points, along, normals, pixel * scales, opacity, colors)
 
 
 def assembled(
@@ -134,6 +152,9 @@ def assembled(
     return found.to(torch.float32)
 
 
+BLOCKS, PLANE = (4, 2, 1), 0.998
+"""Sides of squares of pixels that may be one disc, and the least length of the mean of unit normals
+in them."""
 HIDING = 0.4
 """Share of the usual thickness at which a layer hides what is under it."""
 TUFT_TILT, TUFT_LONG, TUFT_WIDE = 0.45, 0.8, 0.4
@@ -168,11 +189,40 @@ def hidden(patch: Patch, growth: Growth) -> Float[Tensor, "h w"]:
 
 
 def layer(patch: Patch, growth: Growth) -> Gaussians:
-    """A sheet of discs on top of a patch."""
+    """A sheet of discs on top of a patch: one a block, see `blocks_of`."""
     top = patch.top
-    spots = patch.spots(top)
-    share = patch.share[patch.lies] if growth.opacity < 0.9 else torch.ones(len(spots)).double()
-    return discs(spots.points, spots.normals, top, growth.opacity * share, colors_of(spots, growth))
+    normals, full = top.normals(), patch.share if growth.opacity < 0.9 else patch.lies.double()
+    made = []
+    for side, rows, columns in blocks_of(patch.lies, normals):
+        at = [(rows + i, columns + j) for i in range(side) for j in range(side)]
+        points, ways, share = (
+            torch.stack([values[each] for each in at]).mean(0)
+            for values in (top.points, normals, full)
+        )
+        spots = patch.site.spots(points, torch.nn.functional.normalize(ways, dim=-1))
+        colors = colors_of(spots, growth)
+        pixel = side * top.pixel
+        made.append(discs(points, spots.normals, top.axis, pixel, growth.opacity * share, colors))
+    return concatenate(*made)
+
+
+def blocks_of(
+    lies: Bool[Tensor, "h w"], normals: Float[Tensor, "h w 3"]
+) -> list[tuple[int, Int[Tensor, " k"], Int[Tensor, " k"]]]:
+    """Squares of pixels that lie on one plane, the largest first: their side, first rows and
+    columns. A layer over a lawn would else take most of its discs."""
+    free, found = lies.clone(), []
+    for side in BLOCKS:
+        h, w = (each // side for each in lies.shape)
+
+        planes = torch.cat((free[..., None].to(normals), normals), -1)[: h * side, : w * side]
+        means = planes.reshape(h, side, w, side, 4).mean((1, 3))
+        flat = (means[..., 0] > 0.999) & (means[..., 1:].norm(dim=-1) > PLANE)
+        rows, columns = (side * each for each in flat.nonzero().unbind(-1))
+        found.append((side, rows, columns))
+        taken = flat.repeat_interleave(side, 0).repeat_interleave(side, 1)
+        free[: h * side, : w * side] &= ~taken
+    return found
 
 
 def colors_of(spots: Spots, growth: Growth) -> Float[Tensor, "m 3"]:
@@ -187,7 +237,9 @@ def tufts(patch: Patch, growth: Growth, amount: float) -> Gaussians:
     """A mat of discs, and short tufts that stand out of it, some lighter than others."""
     relief, spots = patch.top, patch.spots(patch.top)
     colors = colors_of(spots, growth)
-    mat = discs(spots.points, spots.normals, relief, growth.opacity, 0.72 * colors)
+    mat = discs(
+        spots.points, spots.normals, relief.axis, relief.pixel, growth.opacity, 0.72 * colors
+    )
     generator = torch.Generator().manual_seed(1)
     count = len(spots)
     tilt = TUFT_TILT * torch.randn(count, 3, generator=generator).double()
@@ -269,6 +321,8 @@ SEEN = (0.03, 0.2)
 is."""
 HIDDEN = (0.3, 0.8)
 """Share of what is seen of it that is hidden from which it begins to take a color, and has it."""
+LEVEL = 0.8
+"""Least cosine to the axis of a surface that a layer buries what stands on: grass, gravel."""
 NEAREST = 4
 """New Gaussians whose mean color one takes."""
 
@@ -282,6 +336,13 @@ def buried(scene: Gaussians, patch: Patch, hidden: Float[Tensor, "h w"]) -> Floa
     mean = covered / seen.clamp_min(1e-9)
     share = torch.zeros(len(scene), dtype=torch.float64)
     share[rows] = step(seen / _area(part, relief), *SEEN) * step(mean, *HIDDEN)
+    xy, _ = relief.camera.project(part.means.double())
+    h, w = relief.there.shape
+    at = tuple(xy[:, i].long().clamp(0, n - 1) for i, n in ((1, h), (0, w)))
+    over = part.means.double() @ relief.axis - relief.heights[at]
+    level = relief.normals()[at] @ relief.axis > LEVEL
+    within = level & (over > -relief.pixel / 4) & (over < patch.height[at])
+    share[rows] = torch.maximum(share[rows], within * hidden[at])
     return share
 
 
@@ -355,8 +416,14 @@ HIGHEST = 0.25
 camera sees it from above."""
 TAIL = 0.02
 """Share of the centers, on either side, that an extent leaves out."""
-RIM = 2
-"""Pixels at the end of a surface that nothing lies on."""
+HOLES = 8
+"""Pixels of half a hole in a surface that is closed."""
+SLUMP = 1
+"""Pixels of half a bare spot that a layer slides over."""
+THINNER = (1.0, 0.5, 0.25)
+"""Thicknesses that are tried: on what is narrow, as a tail, a layer is as thin as it is wide."""
+LEAST_HEIGHT = 0.05
+"""Least height of a layer, in its thickness."""
 FINEST = 0.5
 """Least pixel, in the width of the Gaussians of a surface: finer ones show them, not it."""
 SIDES = 0.3
@@ -389,7 +456,9 @@ def grow(
         raise UsageError(
             f"{name} lies nowhere: nothing inside {growth.requirement}; choose more of it"
         )
-    return _grown(scene, name, growth, patches, new, cameras)
+    weather = growth.weather if inside is None else None
+    around = in_scenery(scene, weather, cameras) if weather else scene
+    return _grown(scene, name, growth, patches, new, cameras, around)
 
 
 def _grown(
@@ -399,9 +468,11 @@ def _grown(
     patches: list[Patch],
     new: Gaussians,
     cameras: Sequence[Camera],
+    around: Gaussians,
 ) -> Outcome:
-    """The scene with what grew on it, and what that hides in its color."""
-    before, new = scene.detach(), new.with_degree(scene.degree)
+    """The scene, which looks as the one `around`, with what grew on it, and what that hides in its
+    color."""
+    before, new = around.detach(), new.with_degree(scene.degree)
     share = torch.zeros(len(scene), dtype=torch.float64)
     if growth.hides:
         for patch in patches:
@@ -411,7 +482,13 @@ def _grown(
         cleared = unveiled(grown, new, cameras)
         grown = concatenate(in_colors_of(before, share, cleared), cleared)
     origin = torch.cat((torch.arange(len(scene)), torch.full((len(new),), NEW)))
-    changed = torch.cat((share > 0, torch.ones(len(new), dtype=torch.bool)))
+    same = around is scene
+    changed = torch.cat(
+        (
+            share > 0 if same else torch.ones_like(share).bool(),
+            torch.ones(len(new), dtype=torch.bool),
+        )
+    )
     note = f"{name}: {len(new):,} Gaussians were added to {len(scene):,}"
     return Outcome(grown, origin, changed, (note,))
 
@@ -473,7 +550,7 @@ def _patches(scene: Gaussians, site: Site, growth: Growth, amount: float) -> lis
     while True:
         patches = [_patch(scene, site, growth, amount, pixel, axes, i) for i in range(len(axes))]
         patches = [patch for patch in patches if bool(patch.lies.any())]
-        count = growth.each * sum(int(patch.lies.sum()) for patch in patches)
+        count = sum(growth.each * patch.count(growth) for patch in patches)
         if count <= MOST_NEW:
             return patches
         pixel *= COARSER * sqrt(count / MOST_NEW)
@@ -500,13 +577,25 @@ def _patch(
     which: int,
 ) -> Patch:
     """The patch of a growth on what is seen along one of the axes, and faces that axis most."""
-    relief = relief_of(scene[site.rows], axes[which], pixel).smoothed(growth.smooth)
+    most = amount * growth.thickness * site.size
+    wide = max(1, round(ROUND * most / pixel))
+    seen = relief_of(scene[site.rows], axes[which], pixel).filled(HOLES)
+    lowest = seen.heights[seen.there].amin() if bool(seen.there.any()) else 0.0
+    heights = torch.where(seen.there, seen.heights, lowest)
+    bridged = -blanket(-heights, wide, most)
+    bridged = torch.where(bridged - heights < most, bridged, heights)
+    relief = seen.at(bridged).smoothed(growth.smooth)
     normals = relief.normals()
     own = (normals @ axes.T).argmax(-1) == which
     spots = site.spots(relief.points[relief.there], normals[relief.there])
     share = torch.zeros_like(relief.heights)
     share[relief.there] = growth.where(spots)
-    share = share * own * relief.inner(RIM)
-    lies = covered(relief, share, growth.edge)
-    most = amount * growth.thickness * site.size
-    return Patch(site, relief, lies, thickness(relief, lies, most), share)
+    share = -most_around(-most_around(share, SLUMP), SLUMP) * own
+    heights = torch.where(relief.there, relief.heights, lowest)
+    tops = (
+        blanket(heights + part * most * share, max(1, round(part * wide)), part * most)
+        for part in THINNER
+    )
+    height = (reduce(torch.maximum, tops) - heights).clamp(0, most) * relief.there
+    lies = covered(relief, share * (height > LEAST_HEIGHT * most), growth.edge)
+    return Patch(site, relief, lies, height * lies, share)

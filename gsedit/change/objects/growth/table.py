@@ -159,7 +159,7 @@ class Spots:
 def snowy(spots: Spots) -> Float[Tensor, " m"]:
     """Snow: on places that face up and are open above."""
     soft = 0.07 * spots.noise(0.06, 1) + 0.04 * spots.noise(0.02, 9)
-    lying = step(spots.rise + soft, 0.44, 0.72)
+    lying = step(spots.rise + soft, 0.5, 0.75)
     return lying * step(spots.overhead, 0.1, 0.4) * spots.earthly
 
 
@@ -230,12 +230,14 @@ class Growth:
     """Gaussians a pixel, at most."""
     smooth: int = 6
     """Rounds of smoothing of the surface under it, over a pixel each."""
+    weather: str | None = None
+    """Scenery of what it does not reach, as far trees, where it is everywhere."""
 
 
 GROWTHS: dict[str, Growth] = {
     "snow": Growth(
-        snowy, "layer", 0.04, 0.004, (0.63, 0.72, 0.9), (0.975, 0.98, 0.99),
-        "faces up and sees the sky", smooth=16,
+        snowy, "layer", 0.02, 0.004, (0.7, 0.77, 0.89), (0.975, 0.98, 0.99),
+        "faces up and sees the sky", smooth=16, weather="snow",
     ),
     "moss": Growth(
         mossy, "tufts", 0.008, 0.0045, (0.2, 0.27, 0.09), (0.45, 0.53, 0.2),
