@@ -18,6 +18,8 @@ VOTERS = 4000
 """Points that vote: more change no plane, and cost time."""
 TOLERANCE = 0.01
 """Distance at which a point is on a plane around an object, of its extent."""
+DEEPER = 2.0
+"""Depth under a plane, in bands, down to which what lies there is a part of its surface."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +38,12 @@ class Plane:
     def on(self, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
         """Flag the points that belong to the plane."""
         return np.abs(self.heights(points)) < self.band
+
+    def held(self, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
+        """Flag the points that a view of the plane from above shows: those on it, and right under
+        it, as surfaces are not quite opaque."""
+        heights = self.heights(points)
+        return (heights < self.band) & (heights > -DEEPER * self.band)
 
     def facing(self, points: Float[np.ndarray, "n 3"]) -> Plane:
         """The plane with most of the points on its positive side."""
