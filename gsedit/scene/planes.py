@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Float64
+from scipy.spatial import ConvexHull, QhullError
 
 from gsedit.scene.neighbors import extent_of, k_nearest
 
@@ -17,6 +18,8 @@ VOTERS = 4000
 """Points that vote: more change no plane, and cost time."""
 TOLERANCE = 0.01
 """Distance at which a point is on a plane around an object, of its extent."""
+DEEPER = 2.0
+"""Depth under a plane, in bands, down to which what lies there is a part of its surface."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +38,12 @@ class Plane:
     def on(self, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
         """Flag the points that belong to the plane."""
         return np.abs(self.heights(points)) < self.band
+
+    def held(self, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
+        """Flag the points that a view of the plane from above shows: those on it, and right under
+        it, as surfaces are not quite opaque."""
+        heights = self.heights(points)
+        return (heights < self.band) & (heights > -DEEPER * self.band)
 
     def facing(self, points: Float[np.ndarray, "n 3"]) -> Plane:
         """The plane with most of the points on its positive side."""
@@ -127,6 +136,9 @@ BAND = 3.0
 HOVERS = 0.05
 """Height of the object's lowest parts over a plane from which it stands on another, of its extent.
 """
+OPEN = 0.5
+"""Share of what is seen of a nearer plane from which more of the ground is seen within its hull
+than within that of a slab."""
 
 
 def find_support(
@@ -142,17 +154,40 @@ def find_support(
     With `up`, a unit vector, level ones count more.
     """
     extent = extent_of(points[object_])
-    found = list[tuple[float, Plane]]()
-    for _ in range(2):
-        plane = _voted_support(points, object_, weights, up)
-        if plane is None:
-            break
-        lowest = float(np.quantile(plane.heights(points[object_]), 0.03))
-        found.append((lowest, plane))
-        if lowest < HOVERS * extent:
-            break
-        weights = np.where(_layer(plane, BAND, TOLERANCE * extent).on(points), 0.0, weights)
-    return min(found, key=lambda each: each[0])[1] if found else None
+    ground = _voted_support(points, object_, weights, up)
+    if ground is None or (height := _lowest(ground, points[object_])) < HOVERS * extent:
+        return ground
+    layer = _layer(ground, BAND, TOLERANCE * extent).on(points)
+    nearer = _voted_support(points, object_, np.where(layer, 0.0, weights), up)
+    if nearer is None or _lowest(nearer, points[object_]) > height:
+        return ground
+    return ground if _is_open(nearer, layer, points, object_, weights) else nearer
+
+
+def _lowest(plane: Plane, body: Float[np.ndarray, "m 3"]) -> float:
+    """Height of an object's lowest parts over a plane."""
+    return float(np.quantile(plane.heights(body), 0.03))
+
+
+def _is_open(
+    plane: Plane,
+    below: Bool[np.ndarray, " n"],
+    points: Float[np.ndarray, "n 3"],
+    object_: Bool[np.ndarray, " n"],
+    weights: Float[np.ndarray, " n"],
+) -> bool:
+    """Whether what is `below` is seen between the parts of a plane near an object, as between the
+    beams of a table: it is no surface that something stands on."""
+    extent = extent_of(points[object_])
+    flat = points @ np.linalg.svd(plane.normal[None])[2][1:].T
+    near = np.isfinite(k_nearest(points[object_], points, 1, NEAR[0] * extent)[0][:, 0])
+    on = np.flatnonzero(near & ~object_ & (weights > 0) & plane.on(points))
+    try:
+        sides = ConvexHull(flat[on]).equations
+    except QhullError:
+        return False
+    within = (flat[below] @ sides[:, :2].T + sides[:, 2] <= 0).all(1)
+    return bool(weights[below][within].sum() > OPEN * weights[on].sum())
 
 
 def _voted_support(

@@ -309,12 +309,13 @@ def border_opacity(alphas: Sequence[Float[Tensor, "h w"]]) -> float:
     return float(torch.cat(sides).mean())
 
 
-SLICES = 24
-"""Level slices of a thing."""
+SLICES, FINER = 24, 4
+"""Level slices of a thing, and parts of the two of them in which the top of its block lies."""
 TALL, LOW = 0.1, 0.45
 """Least and largest height of a block that it stands on, of the height of both."""
-NARROW = 0.5
-"""Largest girth of the thing where it stands on the block, of the block's."""
+NARROW, OF_TOP = 0.5, 0.75
+"""Largest girth of the thing where it stands on the block, of the block's; and the least girth of
+what is still the block, of the largest near its top: a level top has most surface a height."""
 LEAST_SLICE = 16
 """Least Gaussians of a slice that tells a girth."""
 
@@ -336,7 +337,10 @@ def block_under(surfaces: Surfaces, inside: Bool[np.ndarray, " n"]) -> Bool[np.n
         # feet and legs apart fill less of the hull around them
         if girth < 0.8 * hull or girths[i - 1][0] < NARROW * girth or after > NARROW * girth:
             continue
-        block = inside & (heights < edges[i])  # a slice higher would take claws along
+        fine = np.linspace(edges[i - 1], edges[i + 1], 2 * FINER + 1)
+        around = np.array([_girth(surfaces, inside, *pair)[0] for pair in pairwise(fine)])
+        top = np.flatnonzero(around >= OF_TOP * around.max())[-1]
+        block = inside & (heights < fine[top + 1])
         seen = surfaces.seen[inside].sum()
         if surfaces.seen[inside & ~block].sum() >= 0.7 * seen:  # the thing is above the block
             return block

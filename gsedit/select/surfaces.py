@@ -141,6 +141,14 @@ class Surfaces:
         """Values of the groups of a large scene as values of its `m` Gaussians."""
         return values if self.merged is None else values[self.merged.group.long()]
 
+    def gathered(self, inside: Bool[Tensor, " m"]) -> Bool[np.ndarray, " n"]:
+        """Flags of the Gaussians of a large scene as flags of its groups: those of most of each."""
+        if self.merged is None:
+            return inside.numpy()
+        group, count = self.merged.group.long(), len(self)
+        share = torch.bincount(group, inside.double(), count) / torch.bincount(group, minlength=count)
+        return (share > 0.5).numpy()
+
     @cached_property
     def up(self) -> Float64[np.ndarray, "3"]:
         """Unit vector that points upward."""

@@ -19,7 +19,7 @@ from gsedit.change.objects.removal.cells import away_from, depth_in, mean_around
 from gsedit.change.objects.removal.complete import Completed, complete, solve_membrane
 from gsedit.change.objects.removal.sheet import Sheet
 from gsedit.change.objects.removal.sight import Sight, Views, seen_through
-from gsedit.scene.planes import Plane
+from gsedit.scene.planes import DEEPER, Plane
 from gsedit.scene.quaternions import quaternion_of, turn_between
 from rasterizer.camera import Camera
 from rasterizer.numerics import SH_DC, color_to_sh
@@ -29,8 +29,6 @@ from rasterizer.scene import Gaussians, concatenate
 DISC, FLATNESS, OPACITY = 0.7, 0.1, 0.985
 """Standard deviation of a disc in cells, its thickness against it, and its opacity: neighbors
 leave no gaps (gsedit.bench.synthetic.splats)."""
-SINK = 0.5
-"""Depth of the discs under the plane, in bands, where copies lie over them."""
 REACH = 2.0
 """Standard deviations to which a copy reaches: it must not stand over the edge of its surface."""
 SMOOTHED = 0.1
@@ -42,7 +40,7 @@ def filled(kept: Gaussians, sheet: Sheet, plane: Plane) -> tuple[Gaussians, bool
     scene."""
     done = complete(sheet.values[..., :3], sheet.known, sheet.hole)
     copies = _copies(kept, sheet, plane, done)
-    sink = SINK * plane.band if len(copies) else 0.0
+    sink = DEEPER * plane.band if len(copies) else 0.0
     return concatenate(copies, _discs(sheet, plane, done.picture, sink, kept)), done.textured
 
 
@@ -50,7 +48,7 @@ def _copies(kept: Gaussians, sheet: Sheet, plane: Plane, done: Completed) -> Gau
     """The plane's Gaussians, copied along the shifts of the hole's cells, in its light."""
     points = kept.means.numpy()
     cell = sheet.at(points)
-    rows = np.flatnonzero(plane.on(points) & (cell >= 0) & sheet.known.reshape(-1)[cell])
+    rows = np.flatnonzero(plane.held(points) & (cell >= 0) & sheet.known.reshape(-1)[cell])
     rows = rows[np.argsort(cell[rows], kind="stable")]
     target = np.flatnonzero(sheet.hole & done.textured)
     source = (done.source @ (sheet.hole.shape[1], 1)).reshape(-1)[target]

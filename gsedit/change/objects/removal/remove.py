@@ -27,12 +27,18 @@ from gsedit.change.objects.removal.sight import (
     guessed,
     look,
     look_again,
+    testify,
 )
 from gsedit.errors import UsageError
 from gsedit.scene.cache import cached_per_scene
-from gsedit.scene.neighbors import extent_of, k_nearest
+from gsedit.scene.neighbors import extent_of, k_nearest, linked
 from gsedit.scene.outcome import NEW, Outcome, check_finite
 from gsedit.scene.planes import SMALLEST, Plane, find_planes
+from gsedit.select.layers import numbered
+from gsedit.select.segment import segment_surfaces
+from gsedit.select.subject import block_under
+from gsedit.select.surfaces import Surfaces
+from gsedit.select.surfaces import look as look_at_surfaces
 from gsedit.views.around import cameras_of
 from gsedit.views.dataset import evenly_spaced
 from gsedit.views.normals import shortest_axes
@@ -246,6 +252,30 @@ def between_feet(
     return flags
 
 
+MOSTLY, LEAST_JOINT = 0.5, 3
+"""Least share of an object that is selected, for the rest of it to be meant, and the least pairs of
+neighbors that join the two."""
+
+
+def missed(surfaces: Surfaces, inside: Bool[Tensor, " n"]) -> Bool[np.ndarray, " m"]:
+    """Flag the surfaces that a selection of most of an object missed: parts of the same object that
+    are joined to what is selected. What is wholly below that carries it, and stays."""
+    segments = segment_surfaces(surfaces)
+    chosen = surfaces.gathered(inside) & surfaces.solid
+    if not chosen.any():
+        return chosen
+    own = segments.inside(int(segments.labels[torch.from_numpy(chosen)].mode().values)).numpy()
+    own &= surfaces.solid & (chosen | ~block_under(surfaces, own))
+    rest, kept = own & ~chosen, own & chosen
+    if kept.sum() < MOSTLY * own.sum() or not rest.any():
+        return np.zeros_like(own)
+    part = numbered(linked(surfaces.edges[rest[surfaces.edges].all(1)], len(surfaces)), rest)
+    joints = np.bincount(part[rest], surfaces.touches(rest, kept)[rest])
+    high = surfaces.heights > np.quantile(surfaces.heights[kept], 0.01)
+    above = np.bincount(part[rest], high[rest]) > 0.5 * np.bincount(part[rest])
+    return rest & ((joints >= LEAST_JOINT) & above)[part]
+
+
 REACH = 1.0
 """Width around the object's box that is looked at, of its extent."""
 CELL, SPACED = 0.04, 2.5
@@ -340,6 +370,8 @@ def remove(
     _check(scene, inside)
     inside = torch.from_numpy(tidied(scene.means.numpy(), inside.numpy()))
     cameras = cameras_of(scene, cameras)
+    surfaces = look_at_surfaces(scene, cameras)
+    inside |= surfaces.expanded(torch.from_numpy(missed(surfaces, inside)))
     most = VIEWS if len(scene) < LARGE else FEW_VIEWS
     asked = [cameras[i].fitted(VIEW_PIXELS) for i in evenly_spaced(len(cameras), most)]
     sights, seen = look(scene, inside, asked)
@@ -350,18 +382,37 @@ def remove(
         )
     thing = _object(scene, inside, cameras)
     kept, trust, planes = _without(scene, inside, thing.extent, sights, seen)
-    if planes:
-        more = between_feet(thing.points, scene.means[kept].numpy(), planes[0])
-        points = scene.means[kept].double().numpy()[more]
-        thing = replace(thing, points=np.concatenate((thing.points, points)))
-        kept, trust = (each[torch.from_numpy(~more)] for each in (kept, trust))
+    bare = look_again(scene[kept], sights)
+    more = _standing_between(scene.means[kept].numpy(), thing, planes[0], bare) if planes else []
+    if np.any(more):
+        inside = inside.index_fill(0, kept[torch.from_numpy(more)], True)
+        sights, seen = look(scene, inside, asked)
+        thing = _object(scene, inside, cameras)
+        kept, trust, planes = _without(scene, inside, thing.extent, sights, seen)
+        bare = look_again(scene[kept], sights)
     left = _Left(scene, kept, torch.zeros(len(kept), dtype=torch.bool), trust, scene[kept], [], 0)
-    bare = look_again(left.scene, sights)
     left, views = _planes_filled(left, planes, thing, bare)
     left, views = _gaps_filled(left, views)
     firm = scene.means[left.rows][left.rest.opacities > FIRM].numpy()
     resting = int(resting_on(thing.points, firm, up_of(cameras).double().numpy()).sum())
     return left.outcome(_notes(inside, left, len(sights), guessed(bare, views), resting))
+
+
+def _standing_between(
+    points: Float[np.ndarray, "k 3"], thing: Object, ground: Plane, bare: Views
+) -> Bool[np.ndarray, " k"]:
+    """Flag what stands between the feet of a thing: most views of the ground under it show it."""
+    heights = ground.heights(points)
+    away = np.linalg.norm(points - thing.center, axis=1)
+    low = (heights > ground.band) & (heights < LOW_PART * thing.extent) & (away < thing.extent)
+    eyes = np.stack([sight.camera.center.double().numpy() for sight in bare.sights])
+    under = points[low] - heights[low, None] * ground.normal
+    shown, _, beside, covered = testify(under, ground.heights(eyes), bare, ground.band)
+    asked = np.flatnonzero(heights >= LOW_PART * thing.extent)
+    asked = np.union1d(asked, np.flatnonzero(low)[covered > shown + beside])
+    flags = np.zeros(len(points), bool)
+    flags[asked] = between_feet(thing.points, points[asked], ground)
+    return flags
 
 
 def _planes_filled(

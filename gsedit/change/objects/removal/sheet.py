@@ -117,6 +117,9 @@ def harmonics_on(
 COVERED, GAP = 0.6, 2
 """Opacity from which a cell is known; half of the width, in cells, of gaps that are known where
 views saw them: between blades of grass."""
+THIN_LAYER, WITNESSES = 0.3, 0.35
+"""Opacity from which a cell is known that views saw, so many at least of those that the object hid
+it from: surfaces of a rough fit are thin from above."""
 HIDDEN = (0.5, 2.0)
 """Least views that the object hid a cell from, of those that saw it, for a cell of the hole, and
 for one that nobody knows."""
@@ -186,7 +189,7 @@ def find_sheet(
     part.
     """
     points = kept.means.numpy()
-    layer = kept[torch.from_numpy(plane.on(points))]
+    layer = kept[torch.from_numpy(plane.held(points))]
     middle = thing.center - plane.heights(thing.center[None])[0] * plane.normal
     radius = REACH * thing.extent
     camera = above(plane, middle, np.array((radius, radius)), 2 * radius / COARSE)
@@ -216,11 +219,15 @@ def _drawn(
     eyes = np.stack([s.camera.center.double().numpy() for s in views.sights])
     points = cells_of(camera, depth)
     values, alpha, usual = _colors_on(layer, camera, points.mean(0) - eyes)
-    revealed, through, unhidden, covered = testify(points, plane.heights(eyes), views, plane.band)
     values = _even(values, alpha)
-    known, votes = alpha > COVERED, (through, np.maximum(unhidden, 1), unhidden)
+    upper = layer[torch.from_numpy(plane.on(layer.means.numpy()))]
+    alpha = color_weights(upper, camera).picture(torch.ones(len(upper), 3))[..., 0].numpy()
+    revealed, through, unhidden, covered = testify(points, plane.heights(eyes), views, plane.band)
+    votes = (through, np.maximum(unhidden, 1), unhidden)
     through, all_, seen = (gaussian_filter(each.reshape(alpha.shape), EDGE) for each in votes)
     solid = through <= SEEN_THROUGH * all_
+    witnessed = seen - through > WITNESSES * revealed.reshape(alpha.shape)
+    known = (alpha > COVERED) | (solid & (alpha > THIN_LAYER) & witnessed)
     for other in others:
         behind = (other.heights(points) < -other.band).reshape(known.shape)
         known &= ~behind | (seen > SEEN)

@@ -14,6 +14,7 @@ from jaxtyping import Bool, Float, Float64
 from torch import Tensor
 
 from gsedit.change.objects.removal.cells import widened
+from gsedit.scene.planes import DEEPER
 from rasterizer.camera import Camera
 from rasterizer.color_weights import color_weights
 from rasterizer.render import render
@@ -28,8 +29,6 @@ RING = 0.2
 """Width of the surroundings of an outline, of the object's size in the picture."""
 SAME_DEPTH = 0.03
 """Share of its depth within which two surfaces are one."""
-
-
 @dataclass(frozen=True, eq=False)
 class Sight:
     """A camera, and the object in its picture."""
@@ -152,7 +151,7 @@ def testify(
         revealed += outlined & open_
         covered += shown & ~open_
         unhidden += shown & ~outlined & (under > -tolerance)
-        through += shown & ~outlined & (under > tolerance)
+        through += shown & ~outlined & (under > DEEPER * tolerance)
     return revealed, through, unhidden, covered
 
 
