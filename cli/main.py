@@ -29,7 +29,7 @@ from .verbs.looking import diff, info, measure, mesh
 from .verbs.make import make
 from .verbs.mcp import mcp
 from .verbs.metrics import metrics
-from .verbs.moves import align, bend, transform
+from .verbs.moves import align, transform
 from .verbs.operations import clean, convert, decimate, filter_, merge, recolor
 from .verbs.render import render
 from .verbs.select import select
@@ -43,7 +43,7 @@ PANELS = {
     "Edit from a sentence or a picture": (app_verb, edit, make),
     "Make a scene from photos": (capture, fit),
     "Look and measure": (info, select, view, render, mesh, measure, diff, metrics),
-    CHANGING: (convert, filter_, clean, decimate, merge, transform, bend, align, recolor),
+    CHANGING: (convert, filter_, clean, decimate, merge, transform, align, recolor),
     "Help": (list_, doctor, mcp, bench_),
 }
 """The verbs under their headings in `gsedit --help`."""

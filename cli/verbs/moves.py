@@ -1,4 +1,4 @@
-"""Verbs that move Gaussians, by the operation that each returns: transform, bend, align."""
+"""Verbs that move Gaussians, by the operation that each returns: transform, align."""
 
 from __future__ import annotations
 
@@ -14,11 +14,9 @@ from gsedit.errors import UsageError
 from ..core.command import option, shows
 from ..core.console import print_message
 from ..options.common import FileOptions, numbers, scene_file
-from ..options.selection import SelectionOptions, parse_region, parse_where, recorded_cameras
+from ..options.selection import SelectionOptions
 
 if TYPE_CHECKING:
-    from gsedit.change.objects.bending.operation import Bend, Grip, Pixel, Triple
-    from gsedit.select.rules import Selection
     from gsedit.toolkit.align import Align
     from gsedit.toolkit.transform import Transform
 
@@ -125,84 +123,6 @@ def _value(name: str, text: str) -> Any:
 
         return read_similarity(Path(text)).matrix
     return text
-
-
-@dataclass(frozen=True)
-class BendOptions:
-    """Handles of `gsedit bend`."""
-
-    handle: list[str] | None = option(None, "VIEW:X,Y:DX,DY,DZ[:R]")
-    """Take a place, a pixel of a view (or a point X,Y,Z), by DX,DY,DZ world units; with R all
-    within R of it alike. Repeatable."""
-    hold: list[str] | None = option(None, "VIEW:X,Y[:R]")
-    """Hold a place where it is. Repeatable."""
-    cage: str | None = option(None, "REGION")
-    """Move nothing out of this region (as sphere:X,Y,Z,R) or expression of --where."""
-
-
-@shows(
-    "--handle", "--hold", "--cage", "--where", "--region", "--data", "--output", "--force",
-    "--dry-run",
-)  # fmt: skip
-def bend(*, own: BendOptions, selection: SelectionOptions) -> Bend:
-    """Bend a part of a scene by handles.
-
-    gsedit bend bear.ply --region bear.npy --handle 0:16,95:0,-0.4,0:0.1 --hold 0:150,178:0.2
-    -o up.ply
-
-    What is between the handles follows as rigidly as possible; covariances and SH follow too.
-    VIEW is a name or number of cameras.json beside the scene, X,Y a pixel of its picture.
-    """
-    from gsedit.change.objects.bending.operation import Bend, Pixel
-
-    if not own.handle:
-        raise UsageError("name what to move: --handle VIEW:X,Y:DX,DY,DZ")
-    grips = (
-        *(grip_of("--handle", text) for text in own.handle),
-        *(grip_of("--hold", text) for text in own.hold or ()),
-    )
-    asks = any(isinstance(grip.at, Pixel) for grip in grips)
-    cameras = recorded_cameras("a pixel of a view", selection.data) if asks else None
-    part = None if own.cage is None else cage_of(own.cage, selection.data)
-    return Bend(grips, selection.selection(), part, cameras)
-
-
-def grip_of(option: str, text: str) -> Grip:
-    """Read PLACE:DX,DY,DZ of a handle or PLACE of a hold, with :R or without. Raises UsageError."""
-    from gsedit.change.objects.bending.operation import Grip
-
-    parts = text.split(":")
-    radius = 0.0
-    if "," not in parts[-1]:
-        (radius,) = numbers(option, parts.pop(), 1)
-    if radius < 0:
-        raise UsageError(f"{option}: a radius of {radius:g} is less than 0")
-    if option == "--hold":
-        return Grip(place_of(option, parts), radius=radius)
-    if len(parts) < 2:
-        raise UsageError(f"--handle {text}: give VIEW:X,Y:DX,DY,DZ or X,Y,Z:DX,DY,DZ")
-    x, y, z = numbers(option, parts.pop(), 3)
-    return Grip(place_of(option, parts), (x, y, z), radius)
-
-
-def place_of(option: str, parts: list[str]) -> Pixel | Triple:
-    """Read X,Y,Z, or VIEW and X,Y; the name of a view may hold colons. Raises UsageError."""
-    from gsedit.change.objects.bending.operation import Pixel
-
-    *view, last = parts or [""]
-    if not view:
-        x, y, z = numbers(option, last, 3)
-        return x, y, z
-    x, y = numbers(option, last, 2)
-    return Pixel(":".join(view), x, y)
-
-
-def cage_of(text: str, data: Path | None) -> Selection:
-    """Read a region or an expression. Raises UsageError."""
-    try:
-        return parse_region(text, data)
-    except UsageError:
-        return parse_where(text, data)
 
 
 @dataclass(frozen=True)

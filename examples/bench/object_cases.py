@@ -77,7 +77,6 @@ AFTER: dict[str, Callable[[Stage, Case], Stage]] = {
     "move": lambda given, case: given.moved(case.subject, placed(given, case)),
     "recolor": _recolored,
     "relight": lambda given, case: given.relit(Daylight(**case.change)),
-    "deform": lambda given, case: given.bent(case.subject, case.change["degrees"]),
     "growth": lambda given, case: given.snowed(case.change["thickness"], case.subject),
 }
 """Exact result of each task."""
@@ -110,8 +109,6 @@ CASES = (
     Case("relight", "pedestal", "orange statue", _light(EVENING)),
     Case("relight", "corner", "green ring", _light(NOON)),
     Case("relight", "table", "large red ball", _light(EVENING)),
-    Case("deform", "meadow", "blue post", {"degrees": 50.0}),
-    Case("deform", "glimpse", "orange bollard", {"degrees": 35.0}),
     Case("growth", "pedestal", "orange statue", {"material": "snow", "thickness": SNOW}),
     Case("growth", "meadow", "red ball", {"material": "snow", "thickness": SNOW}),
     Case("growth", "table", "green box", {"material": "snow", "thickness": SNOW}),

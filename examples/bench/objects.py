@@ -25,7 +25,6 @@ from gsedit.change.light.relight import relit
 from gsedit.change.light.table import LightSetup, Sun
 from gsedit.change.materials.apply import in_material
 from gsedit.change.materials.table import paint_of
-from gsedit.change.objects.bending.bend import Handle, bend
 from gsedit.change.objects.growth.grow import grow
 from gsedit.change.objects.growth.table import GROWTHS, LEAST, MOST
 from gsedit.change.objects.placing.insert import insert
@@ -140,16 +139,6 @@ def _relit(given: Given) -> Gaussians:
     return relit(given.scene, setup, given.cameras)
 
 
-def _bent(given: Given) -> Gaussians:
-    thing = given.before.thing(given.case.subject)
-    shares = torch.tensor((0.0, 1 / 3, 2 / 3, 1.0)).double()[:, None]
-    points = torch.from_numpy(thing.foot) + shares * UP.double() * thing.height
-    targets = thing.bend_points(points, given.case.change["degrees"])
-    pairs = zip(points.tolist(), targets.tolist(), strict=True)
-    handles = [Handle(tuple(point), tuple(goal)) for point, goal in pairs]
-    return bend(given.scene, given.inside, handles).scene
-
-
 def _grown(given: Given) -> Gaussians:
     part = given.scene.means[given.inside]
     size = float((part.amax(0) - part.amin(0)).norm())
@@ -164,7 +153,6 @@ METHODS: dict[str, Callable[[Given], Gaussians]] = {
     "move": _placed,
     "recolor": _painted,
     "relight": _relit,
-    "deform": _bent,
     "growth": _grown,
 }
 """gsedit's operation for each task."""

@@ -72,11 +72,6 @@ REFUSED = """
 2 | align scene.ply --length 1,2=3 -o a.ply | --length
 3 | align scene.ply --to none.ply -o a.ply | none.ply
 2 | align scene.ply --to-ground --save a.txt -o a.ply | .json
-2 | bend scene.ply -o a.ply | what to move
-2 | bend scene.ply --handle 1,2,3 -o a.ply | DX,DY,DZ
-2 | bend scene.ply --handle 1,2,3:0,0,1:-1 -o a.ply | less than 0
-2 | bend scene.ply --handle 90,90,90:0,0,1 -o a.ply | inside
-2 | bend scene.ply --handle none:1,2:0,0,1 -o a.ply | cameras
 
 2 | filter scene.ply -o a.ply | --where
 2 | filter scene.ply --where 'box(1,2,3)' -o a.ply | box(

@@ -16,7 +16,6 @@ from gsedit.formats.files import open_scene
 from gsedit.scene.similarity import Similarity
 from gsedit.scene.table import table_of
 from gsedit.select.region import Region
-from gsedit.select.saved import save_named
 from gsedit.toolkit import recolor, select
 from gsedit.views.cameras_json import own_file, read_cameras, write_cameras
 
@@ -89,20 +88,6 @@ def test_an_invalid_row_is_named_by_its_place_in_the_file(scene, tmp_path):
     done = gsedit("filter", scene, "--where", "x > -8", "-o", tmp_path / "out.ply")
     assert done.exit_code == 3
     assert "row 3 (from 0): column y is nan; 1 of 5 rows are invalid" in done.stderr
-
-
-def test_bend_moves_nothing_out_of_the_cage_and_takes_saved_names(scene, tmp_path):
-    inside = np.arange(5) < 3
-    save_named(inside, means(scene), scene, "Left leg")
-    x, y, z = means(scene)[inside].astype(float).mean(0)
-    out, other = tmp_path / "bent.ply", tmp_path / "other.ply"
-    cage = ("--cage", "the left leg")
-    answer("bend", scene, "--handle", "left_leg:0,0,0.05:0.5", *cage, "-o", out)
-    moved = (means(out) != means(scene)).any(1)
-    assert moved.any()
-    assert not moved[~inside].any()
-    answer("bend", scene, "--handle", f"{x},{y},{z}:0,0,0.05:0.5", *cage, "-o", other)
-    assert (means(out) == means(other)).all()
 
 
 def test_recolor_takes_the_arguments_of_the_function(scene, tmp_path):

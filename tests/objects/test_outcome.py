@@ -7,7 +7,7 @@ import torch
 
 from gsedit.bench.synthetic.gallery import globe
 from gsedit.bench.synthetic.splats import surface_gaussians
-from gsedit.change.objects import Handle, Placement, bend, grow, insert, place, remove
+from gsedit.change.objects import Placement, grow, insert, place, remove
 from gsedit.errors import UsageError
 from gsedit.scene.outcome import NEW, Outcome, same
 
@@ -37,7 +37,6 @@ def test_operations_one_after_the_other_are_one():
         lambda scene, inside: place(scene, inside, Placement(scale=2.0)),
         lambda scene, inside: insert(scene, scene),
         lambda scene, inside: grow(scene, "snow", 1.0, inside),
-        lambda scene, inside: bend(scene, inside, [Handle((0, 0, 0), (0, 0, 1))]),
     ],
 )
 def test_values_that_are_not_finite_are_refused_in_one_line(operation):

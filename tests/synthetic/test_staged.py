@@ -62,15 +62,3 @@ def test_snow_lies_on_level_ground_at_its_thickness_and_not_beneath_a_ball(meado
     assert solid(beneath) > 0.01
     only = meadow.snowed(0.05, "red ball").scene.sdf
     assert only(ground)[1] == pytest.approx(0.05, abs=1e-6)
-
-
-def test_bent_points_lie_on_the_bent_thing_and_its_foot_stays(meadow):
-    post = meadow.thing("blue post")
-    x, y, _ = post.foot
-    angle = torch.linspace(0, 6.28, 20)
-    points = torch.stack((x + 0.07 * angle.cos(), y + 0.07 * angle.sin(), 0.02 * angle - 0.3), -1)
-    assert post.solid(points.double()).abs().max() < 1e-7
-    bent = post.bend_points(points.double(), 60.0)
-    assert post.bent(60.0).solid(bent).abs().max() < 1e-7
-    foot = torch.from_numpy(post.foot)[None]
-    assert torch.equal(post.bend_points(foot, 60.0), foot)

@@ -220,10 +220,6 @@ class Stage:
         """The stage with a thing moved, turned and scaled."""
         return self.with_thing(self.thing(name).moved(similarity))
 
-    def bent(self, name: str, degrees: float) -> Stage:
-        """The stage with a thing bent towards +x about its foot, by an angle at its top."""
-        return self.with_thing(self.thing(name).bent(degrees))
-
     def relit(self, light: Daylight) -> Stage:
         """The stage under another light, with the shadows of that."""
         return replace(self, light=light)

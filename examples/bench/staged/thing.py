@@ -1,4 +1,4 @@
-"""A named solid in its paint, and solids that are moved, bent or covered.
+"""A named solid in its paint, and solids that are moved or covered.
 
 `*b` points. World units; up is +z.
 """
@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import radians
 
 import numpy as np
 import torch
@@ -67,40 +66,6 @@ class Thing:
             high=tuple(corners.max(0).tolist()),
         )
 
-    def bent(self, degrees: float) -> Thing:
-        """The thing bent towards +x about its foot by an angle at its top; its axis keeps its
-        length. `bend_points` moves points as it does."""
-        curve = radians(degrees) / self.height
-        foot = torch.from_numpy(self.foot)
-        thick = self.high[0] - float(foot[0])
-
-        def before(points: Points) -> Points:
-            return _straight(points - foot.to(points), curve, self.height) + foot.to(points)
-
-        high = (self.high[0] + self.height, *self.high[1:])
-        return replace(
-            self,
-            # towards the inside of the bend lengths along it shrink, by this factor at most
-            solid=lambda points: (1 - curve * thick) * self.solid(before(points)),
-            coat=lambda points: self.coat(before(points)),
-            high=high,
-        )
-
-    def bend_points(self, points: Points, degrees: float) -> Points:
-        """Points of the thing where `bent` brings them."""
-        foot = torch.from_numpy(self.foot).to(points)
-        x, y, z = (points - foot).unbind(-1)
-        curve = radians(degrees) / self.height
-        along = z.clamp(0, self.height)
-        angle, beyond = curve * along, z - along
-        arm = 1 / curve - x
-        moved = (
-            1 / curve - arm * angle.cos() + beyond * angle.sin(),
-            y,
-            arm * angle.sin() + beyond * angle.cos(),
-        )
-        return torch.stack(moved, -1) + foot
-
 
 def snow_on(covered: Sdf, whole: Sdf, thickness: float, top: float) -> Sdf:
     """A layer on what faces up, of `thickness` world units on level places and less on slopes,
@@ -142,17 +107,3 @@ def snow_on(covered: Sdf, whole: Sdf, thickness: float, top: float) -> Sdf:
 
 def _raised(points: Points, height: float) -> Points:
     return points + points.new_tensor((0.0, 0.0, height))
-
-
-def _straight(points: Points, curve: float, height: float) -> Points:
-    """Points about the foot of a bent thing where they were before it was bent."""
-    x, y, z = points.unbind(-1)
-    angle = torch.atan2(z, 1 / curve - x)
-    arm = torch.hypot(1 / curve - x, z)
-    end = points.new_tensor(curve * height)
-    top = (1 / curve - x) * end.cos() + z * end.sin()  # distance from the middle of the bend
-    over = (x - 1 / curve) * end.sin() + z * end.cos()  # along the direction of its end
-    bent = torch.stack((1 / curve - arm, y, angle / curve), -1)
-    beyond = torch.stack((1 / curve - top, y, height + over), -1)
-    bent = torch.where((z < 0)[..., None], points, bent)
-    return torch.where((angle > end)[..., None], beyond, bent)

@@ -1,4 +1,4 @@
-"""Operations on one object of a scene: remove and fill, move, copy, insert, grow, bend."""
+"""Operations on one object of a scene: remove and fill, move, copy, insert, grow."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 from rasterizer.lazy import make_lazy
 
 if TYPE_CHECKING:
-    from gsedit.change.objects.bending.bend import Handle, bend
     from gsedit.change.objects.growth.grow import grow
     from gsedit.change.objects.placing.insert import insert
     from gsedit.change.objects.placing.place import place

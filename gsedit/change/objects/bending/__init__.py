@@ -1,1 +1,0 @@
-"""Bending by handles: what is between them follows as rigidly as possible."""
