@@ -228,11 +228,7 @@ def _drawn(
     solid = through <= SEEN_THROUGH * all_
     witnessed = seen - through > WITNESSES * revealed.reshape(alpha.shape)
     known = (alpha > COVERED) | (solid & (alpha > THIN_LAYER) & witnessed)
-    for other in others:
-        behind = (other.heights(points) < -other.band).reshape(known.shape)
-        known &= ~behind | (seen > SEEN)
-        if (known & behind).sum() <= BEHIND * known.sum():
-            solid = solid & ~behind
+    known, solid = _in_front(known, solid, seen > SEEN, points, others)
     shown = revealed + unhidden > OPEN * covered
     hidden, unseen = (
         ((revealed > least * unhidden) & shown).reshape(known.shape) for least in HIDDEN
@@ -250,6 +246,22 @@ def _drawn(
         hole = touching(hole, widened(caster, 2))
     hole |= whole & caster & ~known
     return replace(empty, known=known, caster=caster, hole=hole)
+
+
+def _in_front(
+    known: Bool[np.ndarray, "h w"],
+    solid: Bool[np.ndarray, "h w"],
+    seen: Bool[np.ndarray, "h w"],
+    points: Float64[np.ndarray, "c 3"],
+    others: Sequence[Plane],
+) -> tuple[Bool[np.ndarray, "h w"], Bool[np.ndarray, "h w"]]:
+    """What is known and solid of a plane: behind another plane, only what was seen."""
+    for other in others:
+        behind = (other.heights(points) < -other.band).reshape(known.shape)
+        known = known & (~behind | seen)
+        if (known & behind).sum() <= BEHIND * known.sum():
+            solid = solid & ~behind
+    return known, solid
 
 
 def _colors_on(
