@@ -12,7 +12,7 @@ from plain_scenes import needles, same_bits
 
 from gsedit.bench.synthetic import ring_cameras, scenes
 from gsedit.change.materials.apply import Relief, displayed, engraved, in_material
-from gsedit.change.materials.shading import Ground, environment_brdf, share_of
+from gsedit.change.materials.shading import Ground, environment_brdf, grain, share_of
 from gsedit.change.materials.table import MATERIALS, Layer, Material, PatternName, material_of
 from gsedit.errors import UsageError
 from gsedit.scene.picture import render_picture
@@ -77,6 +77,16 @@ def test_a_pattern_is_on_its_share_of_a_ball(pattern):
     assert bool(((share >= 0) & (share <= 1)).all())
     assert 0.2 < float(share.mean()) < 0.45
     assert float(share.std()) > 0.1
+
+
+def test_grains_lean_no_way_on_a_flat_side():
+    """As much detail in each direction of a side: fur-like specks are no granite."""
+    spots = torch.stack(torch.meshgrid(*[torch.arange(128.0)] * 2, indexing="ij"), -1) / 12
+    for seed in (0, 5):
+        side = torch.cat((spots, torch.full_like(spots[..., :1], 0.3)), -1).reshape(-1, 3)
+        slopes = torch.stack(torch.gradient(grain(side, seed).reshape(128, 128)), -1)
+        low, high = torch.linalg.eigvalsh(torch.einsum("xyi,xyj->ij", slopes, slopes))
+        assert float(high / low) < 2
 
 
 def test_a_smooth_metal_reflects_its_color_head_on_and_white_at_grazing():
