@@ -135,7 +135,7 @@ _RUST = (
 )
 
 METALS = {
-    "gold": _metal("#ffd76b", 0.22),
+    "gold": _metal("#ffc65a", 0.2),
     "silver": _metal("#f4f3f0", 0.2),
     "bronze": _metal("#a67a48", 0.22, Layer("crevices", "#2a2014", 0.35, 0.2, 0.8, 0.4)),
     "copper": _metal("#f2a07e", 0.28),
