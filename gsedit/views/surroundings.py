@@ -136,7 +136,7 @@ GLOSS = 0.3
 """Roughness of the metal that judges."""
 DARK, BRIGHT = 0.2, 0.97
 """Shares of all directions below which light is dark, and above which it is a highlight."""
-DARKEST, BRIGHTEST = 0.3, 4.0
+DARKEST, BRIGHTEST = 0.2, 5.0
 """Light there, at most and at least, against the mean."""
 BALANCE = 0.8
 """Share of the light's color that white balance takes away."""

@@ -12,7 +12,7 @@ from plain_scenes import needles, same_bits
 
 from gsedit.bench.synthetic import ring_cameras, scenes
 from gsedit.change.materials.apply import Relief, displayed, engraved, in_material
-from gsedit.change.materials.shading import Ground, environment_brdf, share_of
+from gsedit.change.materials.shading import Ground, environment_brdf, grain, share_of
 from gsedit.change.materials.table import MATERIALS, Layer, Material, PatternName, material_of
 from gsedit.errors import UsageError
 from gsedit.scene.picture import render_picture
@@ -77,6 +77,19 @@ def test_a_pattern_is_on_its_share_of_a_ball(pattern):
     assert bool(((share >= 0) & (share <= 1)).all())
     assert 0.2 < float(share.mean()) < 0.45
     assert float(share.std()) > 0.1
+
+
+def test_grains_are_no_lattice_on_a_flat_side():
+    """Few waves would hold much of what a side shows: specks like fur, rust like a chessboard."""
+    steps = torch.arange(128.0) / 12
+    side = torch.cartesian_prod(steps, steps, torch.tensor((0.3,)))
+    window = torch.hann_window(128)[:, None] * torch.hann_window(128)
+    shares = []
+    for seed in (0, 2, 5, 11, 31):
+        power = torch.fft.fft2(grain(side, seed).reshape(128, 128) * window).abs().square()
+        strongest = power.flatten().sort(descending=True).values[:12]
+        shares.append(float(strongest.sum() / power.sum()))
+    assert np.mean(shares) < 0.32
 
 
 def test_a_smooth_metal_reflects_its_color_head_on_and_white_at_grazing():

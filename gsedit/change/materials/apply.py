@@ -77,6 +77,8 @@ DEEP = 0.5
 """Ratio to the surroundings below which darkness counts as a hole: a mouth, an eye."""
 DEPTH = 3.0
 """Slope of a carved line, against the change of the logarithm of light between neighbors."""
+SHADED = 0.5
+"""Share that darkness counts as hollow: paint and the grain of wood are dark, too."""
 HOLLOW = 0.12
 """Mean sine at which neighbors stand above a surface that is fully hollow."""
 
@@ -156,7 +158,7 @@ def carved(
     kept = stone * (FLAT + (1 - FLAT) * torch.maximum(hollow, deep))
     detail = ratio.clamp(*DETAIL) ** kept
     dark = ((1 - ratio) / (1 - DETAIL[0])).clamp(0, 1) * kept
-    return Relief(detail, torch.maximum(hollow, dark).clamp(0, 1), around)
+    return Relief(detail, torch.maximum(hollow, SHADED * dark).clamp(0, 1), around)
 
 
 def engraved(

@@ -135,9 +135,9 @@ _RUST = (
 )
 
 METALS = {
-    "gold": _metal("#ffd76b", 0.22),
+    "gold": _metal("#ffc65a", 0.2),
     "silver": _metal("#f4f3f0", 0.2),
-    "bronze": _metal("#8c6a42", 0.25, Layer("crevices", "#2a2014", 0.35, 0.2, 0.8, 0.4)),
+    "bronze": _metal("#a67a48", 0.22, Layer("crevices", "#2a2014", 0.35, 0.2, 0.8, 0.4)),
     "copper": _metal("#f2a07e", 0.28),
     "brass": _metal("#e6c878", 0.28),
     "iron": _metal("#8f8d8b", 0.55, Layer("patches", "#5f5c59", 0.4, 0.15, 0.9, 0.7)),
@@ -168,8 +168,8 @@ STONES = {
         ),
     ),
     "granite": _stone(
-        "#9a9490", 0.8, Layer("specks", "#d9d3cc", 0.3, 0.024),
-        Layer("specks", "#a87f72", 0.1, 0.03), Layer("specks", "#2b2828", 0.2, 0.017),
+        "#99958f", 0.8, Layer("specks", "#cbc7c2", 0.35, 0.014),
+        Layer("specks", "#a08b83", 0.08, 0.016), Layer("specks", "#3c3939", 0.16, 0.012),
     ),
     "sandstone": _stone(
         "#d0ab77", 0.95, Layer("strata", "#b98a58", 0.4, 0.12),
