@@ -146,7 +146,9 @@ class Surfaces:
         if self.merged is None:
             return inside.numpy()
         group, count = self.merged.group.long(), len(self)
-        share = torch.bincount(group, inside.double(), count) / torch.bincount(group, minlength=count)
+        share = torch.bincount(group, inside.double(), count) / torch.bincount(
+            group, minlength=count
+        )
         return (share > 0.5).numpy()
 
     @cached_property

@@ -17,7 +17,13 @@ from jaxtyping import Bool, Float, Float64, Int
 from scipy import ndimage
 from torch import Tensor
 
-from gsedit.change.objects.removal.cells import closed, enclosing, parts_of, widened
+from gsedit.change.objects.removal.cells import (
+    closed,
+    enclosing,
+    parts_of,
+    rectangle_around,
+    widened,
+)
 from gsedit.change.objects.removal.fill import backdrop, filled, find_gap
 from gsedit.change.objects.removal.sheet import Object, Sheet, find_shade, find_sheet, standing
 from gsedit.change.objects.removal.sight import (
@@ -209,9 +215,9 @@ def _share(
 
 LOW_PART = 0.12
 """Height over the ground up to which parts lie between the feet of an object, of its extent."""
-WITHIN, AROUND_IT = 0.9, 8
-"""Least share of such a part that is within the object's outline from above, and the cells around
-the object that are looked at."""
+WITHIN, AROUND_IT, OPEN = 0.9, 8, 0.5
+"""Least share of such a part that is within the object's outline from above, the cells around the
+object that are looked at, and the share of its rectangle that an open part fills."""
 
 
 def between_feet(
@@ -222,7 +228,7 @@ def between_feet(
     """Flag the points of what stands low on a plane, within a thing's outline from above, and
     touches its feet, as the beams between the legs of a table.
 
-    What is wholly below the thing carries it, and stays.
+    What is wholly below the thing carries it, and stays, unless it is open, as crossed beams.
     """
     extent, flags = extent_of(thing), np.zeros(len(others), bool)
     axes = np.linalg.svd(plane.normal[None])[2][1:]
@@ -248,7 +254,8 @@ def between_feet(
     for each in beside:
         own_low, high = (near[(part == each) & which] for which in (near_low, ~near_low))
         inside = outline[numbers == each].mean() >= WITHIN and len(high) < len(own_low) / 2
-        flags[own_low] = inside and np.median(heights[own_low]) > own.min()
+        is_open = (numbers == each).sum() < OPEN * rectangle_around(numbers == each).sum()
+        flags[own_low] = inside and (is_open or np.median(heights[own_low]) > own.min())
     return flags
 
 

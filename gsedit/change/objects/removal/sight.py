@@ -29,6 +29,8 @@ RING = 0.2
 """Width of the surroundings of an outline, of the object's size in the picture."""
 SAME_DEPTH = 0.03
 """Share of its depth within which two surfaces are one."""
+
+
 @dataclass(frozen=True, eq=False)
 class Sight:
     """A camera, and the object in its picture."""
