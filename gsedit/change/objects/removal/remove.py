@@ -378,9 +378,26 @@ def remove(
     inside = torch.from_numpy(tidied(scene.means.numpy(), inside.numpy()))
     cameras = cameras_of(scene, cameras)
     surfaces = look_at_surfaces(scene, cameras)
-    inside |= surfaces.expanded(torch.from_numpy(missed(surfaces, inside)))
+    inside = inside | surfaces.expanded(torch.from_numpy(missed(surfaces, inside)))
     most = VIEWS if len(scene) < LARGE else FEW_VIEWS
     asked = [cameras[i].fitted(VIEW_PIXELS) for i in evenly_spaced(len(cameras), most)]
+    thing, kept, trust, planes, bare = _looked_behind(scene, inside, cameras, asked)
+    more = _standing_between(scene.means[kept].numpy(), thing, planes[0], bare) if planes else []
+    if np.any(more):
+        inside = inside.index_fill(0, kept[torch.from_numpy(more)], True)
+        thing, kept, trust, planes, bare = _looked_behind(scene, inside, cameras, asked)
+    left = _Left(scene, kept, torch.zeros(len(kept), dtype=torch.bool), trust, scene[kept], [], 0)
+    left, views = _planes_filled(left, planes, thing, bare)
+    left, views = _gaps_filled(left, views)
+    firm = scene.means[left.rows][left.rest.opacities > FIRM].numpy()
+    resting = int(resting_on(thing.points, firm, up_of(cameras).double().numpy()).sum())
+    return left.outcome(_notes(inside, left, len(bare.sights), guessed(bare, views), resting))
+
+
+def _looked_behind(
+    scene: Gaussians, inside: Bool[Tensor, " n"], cameras: Sequence[Camera], asked: Sequence[Camera]
+) -> tuple[Object, Int[Tensor, " k"], Float[Tensor, " k"], tuple[Plane, ...], Views]:
+    """The object, what `_without` tells of the rest, and the asked views without the object."""
     sights, seen = look(scene, inside, asked)
     if not sights:
         raise UsageError(
@@ -389,20 +406,7 @@ def remove(
         )
     thing = _object(scene, inside, cameras)
     kept, trust, planes = _without(scene, inside, thing.extent, sights, seen)
-    bare = look_again(scene[kept], sights)
-    more = _standing_between(scene.means[kept].numpy(), thing, planes[0], bare) if planes else []
-    if np.any(more):
-        inside = inside.index_fill(0, kept[torch.from_numpy(more)], True)
-        sights, seen = look(scene, inside, asked)
-        thing = _object(scene, inside, cameras)
-        kept, trust, planes = _without(scene, inside, thing.extent, sights, seen)
-        bare = look_again(scene[kept], sights)
-    left = _Left(scene, kept, torch.zeros(len(kept), dtype=torch.bool), trust, scene[kept], [], 0)
-    left, views = _planes_filled(left, planes, thing, bare)
-    left, views = _gaps_filled(left, views)
-    firm = scene.means[left.rows][left.rest.opacities > FIRM].numpy()
-    resting = int(resting_on(thing.points, firm, up_of(cameras).double().numpy()).sum())
-    return left.outcome(_notes(inside, left, len(sights), guessed(bare, views), resting))
+    return thing, kept, trust, planes, look_again(scene[kept], sights)
 
 
 def _standing_between(
