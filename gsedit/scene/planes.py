@@ -127,8 +127,9 @@ LEAST_SPREAD = 0.08
 as wide as the object is long. What is narrower is another part of it, as a hand."""
 ABOVE = 0.97
 """Least share of the object that is above the plane."""
-TOUCHING = 0.25
-"""Largest height of the object's lowest parts over the plane, of its extent."""
+TOUCHING, FOOT = 0.25, 0.005
+"""Largest height of the object's foot over the plane, of its extent, and the share of the object
+that is its foot: legs are thin."""
 LEVEL = 40
 """Power of the cosine between its normal and up in half of its votes: at 10 degrees, half of it."""
 BAND = 3.0
@@ -207,8 +208,8 @@ def _voted_support(
     def votes(normals: np.ndarray, offsets: np.ndarray, on: np.ndarray) -> np.ndarray:
         heights = some @ normals.T - offsets
         heights *= np.copysign(1.0, np.median(heights, axis=0))
-        lowest = np.quantile(heights, 1 - ABOVE, axis=0)
-        carrying = (lowest >= -tolerance) & (lowest <= TOUCHING * extent)
+        lowest, foot = np.quantile(heights, (1 - ABOVE, FOOT), axis=0)
+        carrying = (lowest >= -tolerance) & (foot <= TOUCHING * extent)
         level = 1.0 if up is None else np.abs(normals @ up) ** LEVEL
         return np.where(carrying, on.mean(0) * (1 + level) / 2, 0.0)
 

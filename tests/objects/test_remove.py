@@ -14,11 +14,17 @@ from plain_scenes import cloud, same_bits
 from torch import Tensor
 
 from gsedit.change.objects import remove
-from gsedit.change.objects.removal.remove import between_feet, mirrored_under, resting_on
+from gsedit.change.objects.removal.remove import (
+    between_feet,
+    mirrored_under,
+    missed,
+    resting_on,
+)
 from gsedit.errors import UsageError
 from gsedit.scene.outcome import Outcome
-from gsedit.scene.planes import Plane
+from gsedit.scene.planes import Plane, find_support
 from gsedit.select.region import Region, coverage
+from gsedit.select.surfaces import look
 from gsedit.views.orbit import circle
 from rasterizer.camera import Camera
 from rasterizer.render import render
@@ -198,6 +204,43 @@ def test_what_a_selection_missed_between_the_feet_goes_along(left, goes):
     found = between_feet(table, left, Plane(np.array((0.0, 0.0, 1.0)), 0.0, 0.02))
     assert (found.mean() > 0.9) == goes
     assert goes or not found.any()
+
+
+def crossed(high: float, low: float = 0.03) -> np.ndarray:
+    """Two beams across each other."""
+    ways = (
+        boxed((-0.9, -0.06, low), (0.9, 0.06, high)),
+        boxed((-0.06, -0.9, low), (0.06, 0.9, high)),
+    )
+    return np.concatenate(ways)
+
+
+def test_crossed_beams_under_legs_go_along_and_are_no_support():
+    top = boxed((-1, -1, 1), (1, 1, 1.1), 6000)
+    feet = ((-0.9, 0), (0.9, 0), (0, -0.9), (0, 0.9))
+    legs = [boxed((x - 0.05, y - 0.05, 0.2), (x + 0.05, y + 0.05, 1), 40) for x, y in feet]
+    table, beams = np.concatenate((top, *legs)), crossed(0.15)
+    ground = boxed((-3, -3, -0.01), (3, 3, 0.01), 40_000)
+    found = between_feet(table, beams, Plane(np.array((0.0, 0.0, 1.0)), 0.0, 0.02))
+    assert found.mean() > 0.9
+    points = np.concatenate((table, beams, ground))
+    object_ = np.arange(len(points)) < len(table)
+    seen = (points[:, 2] < 0.02) | (points[:, 2] > 0.13)  # no view shows the inside of beams
+    support = find_support(points, object_, seen.astype(float), np.array((0.0, 0.0, 1.0)))
+    assert support is not None
+    assert abs(support.offset) < 0.02
+
+
+@pytest.mark.parametrize("name", ["pedestal", "meadow"])
+def test_what_a_mask_missed_of_an_object_is_found(name):
+    each = case(name)
+    x = each.scene.means[:, 0]
+    chosen = each.inside & (x < x[each.inside].quantile(0.67))
+    found = torch.from_numpy(missed(look(each.scene, each.cameras), chosen))
+    left = each.inside & ~chosen
+    assert found[left].float().mean() > 0.8
+    assert (found & ~each.inside).sum() < 0.1 * left.sum()
+    assert not missed(look(each.scene, each.cameras), each.inside & (x > x[left].min())).any()
 
 
 def test_what_carries_a_thing_stays():

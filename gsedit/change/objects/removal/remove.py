@@ -17,7 +17,13 @@ from jaxtyping import Bool, Float, Float64, Int
 from scipy import ndimage
 from torch import Tensor
 
-from gsedit.change.objects.removal.cells import closed, enclosing, parts_of, widened
+from gsedit.change.objects.removal.cells import (
+    closed,
+    enclosing,
+    parts_of,
+    rectangle_around,
+    widened,
+)
 from gsedit.change.objects.removal.fill import backdrop, filled, find_gap
 from gsedit.change.objects.removal.sheet import Object, Sheet, find_shade, find_sheet, standing
 from gsedit.change.objects.removal.sight import (
@@ -209,9 +215,9 @@ def _share(
 
 LOW_PART = 0.12
 """Height over the ground up to which parts lie between the feet of an object, of its extent."""
-WITHIN, AROUND_IT = 0.9, 8
-"""Least share of such a part that is within the object's outline from above, and the cells around
-the object that are looked at."""
+WITHIN, AROUND_IT, OPEN = 0.9, 8, 0.5
+"""Least share of such a part that is within the object's outline from above, the cells around the
+object that are looked at, and the share of its rectangle that an open part fills."""
 
 
 def between_feet(
@@ -222,7 +228,7 @@ def between_feet(
     """Flag the points of what stands low on a plane, within a thing's outline from above, and
     touches its feet, as the beams between the legs of a table.
 
-    What is wholly below the thing carries it, and stays.
+    What is wholly below the thing carries it, and stays, unless it is open, as crossed beams.
     """
     extent, flags = extent_of(thing), np.zeros(len(others), bool)
     axes = np.linalg.svd(plane.normal[None])[2][1:]
@@ -248,7 +254,8 @@ def between_feet(
     for each in beside:
         own_low, high = (near[(part == each) & which] for which in (near_low, ~near_low))
         inside = outline[numbers == each].mean() >= WITHIN and len(high) < len(own_low) / 2
-        flags[own_low] = inside and np.median(heights[own_low]) > own.min()
+        is_open = (numbers == each).sum() < OPEN * rectangle_around(numbers == each).sum()
+        flags[own_low] = inside and (is_open or np.median(heights[own_low]) > own.min())
     return flags
 
 
@@ -371,9 +378,26 @@ def remove(
     inside = torch.from_numpy(tidied(scene.means.numpy(), inside.numpy()))
     cameras = cameras_of(scene, cameras)
     surfaces = look_at_surfaces(scene, cameras)
-    inside |= surfaces.expanded(torch.from_numpy(missed(surfaces, inside)))
+    inside = inside | surfaces.expanded(torch.from_numpy(missed(surfaces, inside)))
     most = VIEWS if len(scene) < LARGE else FEW_VIEWS
     asked = [cameras[i].fitted(VIEW_PIXELS) for i in evenly_spaced(len(cameras), most)]
+    thing, kept, trust, planes, bare = _looked_behind(scene, inside, cameras, asked)
+    more = _standing_between(scene.means[kept].numpy(), thing, planes[0], bare) if planes else []
+    if np.any(more):
+        inside = inside.index_fill(0, kept[torch.from_numpy(more)], True)
+        thing, kept, trust, planes, bare = _looked_behind(scene, inside, cameras, asked)
+    left = _Left(scene, kept, torch.zeros(len(kept), dtype=torch.bool), trust, scene[kept], [], 0)
+    left, views = _planes_filled(left, planes, thing, bare)
+    left, views = _gaps_filled(left, views)
+    firm = scene.means[left.rows][left.rest.opacities > FIRM].numpy()
+    resting = int(resting_on(thing.points, firm, up_of(cameras).double().numpy()).sum())
+    return left.outcome(_notes(inside, left, len(bare.sights), guessed(bare, views), resting))
+
+
+def _looked_behind(
+    scene: Gaussians, inside: Bool[Tensor, " n"], cameras: Sequence[Camera], asked: Sequence[Camera]
+) -> tuple[Object, Int[Tensor, " k"], Float[Tensor, " k"], tuple[Plane, ...], Views]:
+    """The object, what `_without` tells of the rest, and the asked views without the object."""
     sights, seen = look(scene, inside, asked)
     if not sights:
         raise UsageError(
@@ -382,20 +406,7 @@ def remove(
         )
     thing = _object(scene, inside, cameras)
     kept, trust, planes = _without(scene, inside, thing.extent, sights, seen)
-    bare = look_again(scene[kept], sights)
-    more = _standing_between(scene.means[kept].numpy(), thing, planes[0], bare) if planes else []
-    if np.any(more):
-        inside = inside.index_fill(0, kept[torch.from_numpy(more)], True)
-        sights, seen = look(scene, inside, asked)
-        thing = _object(scene, inside, cameras)
-        kept, trust, planes = _without(scene, inside, thing.extent, sights, seen)
-        bare = look_again(scene[kept], sights)
-    left = _Left(scene, kept, torch.zeros(len(kept), dtype=torch.bool), trust, scene[kept], [], 0)
-    left, views = _planes_filled(left, planes, thing, bare)
-    left, views = _gaps_filled(left, views)
-    firm = scene.means[left.rows][left.rest.opacities > FIRM].numpy()
-    resting = int(resting_on(thing.points, firm, up_of(cameras).double().numpy()).sum())
-    return left.outcome(_notes(inside, left, len(sights), guessed(bare, views), resting))
+    return thing, kept, trust, planes, look_again(scene[kept], sights)
 
 
 def _standing_between(
