@@ -218,21 +218,17 @@ def _drawn(
     depth = 2 * plane.band
     eyes = np.stack([s.camera.center.double().numpy() for s in views.sights])
     points = cells_of(camera, depth)
-    values, alpha, usual = _colors_on(layer, camera, points.mean(0) - eyes)
-    values = _even(values, alpha)
-    upper = layer[torch.from_numpy(plane.on(layer.means.numpy()))]
-    alpha = color_weights(upper, camera).picture(torch.ones(len(upper), 3))[..., 0].numpy()
+    values, usual = _colors_on(layer, camera, points.mean(0) - eyes)
+    alpha = harmonics_on(layer[torch.from_numpy(plane.on(layer.means.numpy()))], camera)[1]
     revealed, through, unhidden, covered = testify(points, plane.heights(eyes), views, plane.band)
-    votes = (through, np.maximum(unhidden, 1), unhidden)
-    through, all_, seen = (gaussian_filter(each.reshape(alpha.shape), EDGE) for each in votes)
+    through, seen = (gaussian_filter(x.reshape(alpha.shape), EDGE) for x in (through, unhidden))
+    all_ = gaussian_filter(np.maximum(unhidden, 1).reshape(alpha.shape), EDGE)
     solid = through <= SEEN_THROUGH * all_
     witnessed = seen - through > WITNESSES * revealed.reshape(alpha.shape)
     known = (alpha > COVERED) | (solid & (alpha > THIN_LAYER) & witnessed)
     known, solid = _in_front(known, solid, seen > SEEN, points, others)
     shown = revealed + unhidden > OPEN * covered
-    hidden, unseen = (
-        ((revealed > least * unhidden) & shown).reshape(known.shape) for least in HIDDEN
-    )
+    hidden, unseen = (((revealed > n * unhidden) & shown).reshape(known.shape) for n in HIDDEN)
     empty = Sheet(camera, 1 / camera.fx, values, known, hidden, hidden, depth, usual)
     close = np.abs(plane.heights(thing.points)) < CLOSE * thing.extent
     caster = empty.under(thing.points[close])
@@ -266,15 +262,15 @@ def _in_front(
 
 def _colors_on(
     layer: Gaussians, camera: Camera, ways: Float64[np.ndarray, "v 3"]
-) -> tuple[Float[np.ndarray, "h w k3"], Float[np.ndarray, "h w"], Float64[np.ndarray, " k"]]:
-    """Harmonics, the first as the mean color that is seen along some ways; the opacity; and the
-    factors of the harmonics in that color, over SH_DC."""
+) -> tuple[Float[np.ndarray, "h w k3"], Float64[np.ndarray, " k"]]:
+    """Harmonics, even, the first as the mean color that is seen along some ways; and the factors of
+    the harmonics in that color, over SH_DC."""
     values, alpha = harmonics_on(layer, camera)
     towards = torch.nn.functional.normalize(torch.from_numpy(ways), dim=1)
     usual = basis(towards, layer.degree).mean(0).numpy() / SH_DC
     bands = values.reshape(*alpha.shape, -1, 3)
     values[..., :3] = 0.5 + SH_DC * np.einsum("hwkc,k->hwc", bands, usual)
-    return values, alpha, usual
+    return _even(values, alpha), usual
 
 
 def _holes(
