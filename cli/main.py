@@ -17,7 +17,6 @@ from .chain import THEN, OperationCommand
 from .core.command import SET, LazyCommand, paragraphs, verb_name
 from .core.console import as_json, print_json, print_message
 from .core.exits import FAILED, OK, USAGE, Interrupted, explain, one_line
-from .core.ranks import cause, end, leave, meet
 from .verbs.app import app as app_verb
 from .verbs.bench import bench, bench_
 from .verbs.capture import capture
@@ -81,22 +80,18 @@ class Verbs(TyperGroup):
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             code = FAILED
         except Exception as error:
-            code = self.end(cause(error), arguments)
+            code = self.end(error, arguments)
         finally:
             as_json.reset(token)
-        end(code or OK)
+        sys.exit(code or OK)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         short = args[:1] == ["looks"]  # gsedit looks SENTENCE: what a sentence asks for
-        name, command, rest = super().resolve_command(ctx, ["list", *args] if short else args)
-        meet(name)
-        return name, command, rest
+        return super().resolve_command(ctx, ["list", *args] if short else args)
 
     def invoke(self, ctx: Any) -> Any:
         try:
-            result = super().invoke(ctx)
-            leave()
-            return result
+            return super().invoke(ctx)
         except KeyboardInterrupt as interruption:  # before typer turns it into a bare exit code
             raise Interrupted(explain(interruption)[0]) from None
 

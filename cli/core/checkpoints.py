@@ -14,7 +14,6 @@ from gsedit.run.atomic import locked
 from .command import option
 from .console import print_message
 from .exits import Interrupted
-from .ranks import broadcast_state
 
 if TYPE_CHECKING:
     from gsedit.formats.streams import SceneSource
@@ -109,18 +108,12 @@ class Checkpoints:
 def load_resume_state(
     path: Path, request: Mapping[str, Any], work: str, *, resume: bool, force: bool
 ) -> State | None:
-    """Load the checkpoint from which the work (an "edit", a "fit") is to continue, on every rank.
+    """Load the checkpoint from which the work (an "edit", a "fit") is to continue.
 
     `request`: see `Checkpoints`. Returns None where the work starts afresh, with a line where
     --resume finds no checkpoint. Raises UsageError where a checkpoint is left and neither --resume
     nor -f is given, or where it belongs to another request; InputError for a damaged one.
     """
-    return broadcast_state(lambda: _load(path, request, work, resume=resume, force=force))
-
-
-def _load(
-    path: Path, request: Mapping[str, Any], work: str, *, resume: bool, force: bool
-) -> State | None:
     from gsedit.run.json_lines import plain
     from gsedit.run.state import check_same, load_state
 

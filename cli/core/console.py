@@ -1,7 +1,4 @@
-"""Print messages to stderr, and results to stdout as text or as one JSON line.
-
-Only the first of several ranks prints.
-"""
+"""Print messages to stderr, and results to stdout as text or as one JSON line."""
 
 from __future__ import annotations
 
@@ -11,8 +8,6 @@ from contextvars import ContextVar
 from typing import Any
 
 import typer
-
-from .ranks import is_first
 
 as_json: ContextVar[bool] = ContextVar("as_json", default=False)
 """Whether the command that runs prints JSON lines: --json."""
@@ -29,22 +24,19 @@ def shown(text: str) -> str:
 
 def print_message(text: str) -> None:
     """Print lines for a person, on stderr. Not through rich: it would fold a long line."""
-    if is_first():
-        typer.echo(shown(text), err=True)
+    typer.echo(shown(text), err=True)
 
 
 def print_result(record: dict[str, Any], text: str) -> None:
     """Print the result of a verb on stdout: with --json `record` as a JSON line, else `text`."""
     if as_json.get():
         print_json("result", record)
-    elif is_first():
+    else:
         typer.echo(shown(text))
 
 
 def print_json(kind: str, record: Any) -> None:
     """Print a record (a mapping or a dataclass) as one JSON line, with its kind under `type`."""
-    if not is_first():
-        return
     from gsedit.run.json_lines import plain
 
     typer.echo(json.dumps({"type": kind, **plain(record)}, allow_nan=False))

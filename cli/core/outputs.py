@@ -9,13 +9,11 @@ from pathlib import Path
 from gsedit.errors import UsageError
 from gsedit.run.atomic import check_writable, is_temporary
 
-from .ranks import is_first
-
 
 def check_file(path: Path | None, force: bool, suffix: str = "") -> None:
     """Raise UsageError unless a file of that suffix can be written at `path`, if it is given:
-    checked before the work, by the rank that writes."""
-    if path is None or not is_first():
+    checked before the work."""
+    if path is None:
         return
     if not path.name.lower().endswith(suffix):
         raise UsageError(f"{path}: name a {suffix} file")
@@ -34,12 +32,9 @@ def check_scene_file(path: Path, force: bool) -> None:
 
 def check_folder(path: Path, force: bool, *, leftovers: Collection[str] = ()) -> None:
     """Raise UsageError unless `path` can be a folder of results: new or empty, or -f was given.
-    The rank that writes looks.
 
     Files of the names `leftovers` are nothing to keep, nor are those whose writing was interrupted.
     """
-    if not is_first():
-        return
     if os.path.lexists(path) and not path.is_dir():
         raise UsageError(f"-o {path} is a file, or a link that leads nowhere: name a folder")
     _check_permission(path)

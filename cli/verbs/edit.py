@@ -18,7 +18,6 @@ from ..core.console import print_message, print_result
 from ..core.kernel import RENDERS, UPDATES, say_kernel
 from ..core.outputs import check_folder
 from ..core.progress import progress, result_of
-from ..core.ranks import drain, is_first, ranks
 from ..options.cameras import ViewOptions, resolve_cameras
 from ..options.common import Reads, Scene, load_features, load_scene
 from ..options.editing import (
@@ -225,7 +224,7 @@ def run_preview(asked: EditCommand) -> None:
 def run_edit(asked: EditCommand) -> EditResult | None:
     """Edit as a sentence says, with progress on the terminal, and write the folder.
 
-    Returns None on all ranks but the first, and where the edit is only explained.
+    Returns None where the edit is only explained.
     """
     from gsedit.editing.plan import is_exact
 
@@ -234,8 +233,6 @@ def run_edit(asked: EditCommand) -> EditResult | None:
     if own.explain and any(map(is_exact, steps)):
         read = "; ".join(map(str, steps))
         return print_message(f"{read}: done on the Gaussians, no view is edited")
-    if exact and not is_first():
-        return None
     names, state = names_of(asked.scene, asked.masks, steps), None
     if not own.explain:
         check_apart(asked.scene, folder)
@@ -258,9 +255,7 @@ def run_edit(asked: EditCommand) -> EditResult | None:
     if own.explain:
         plan = plan_edit(gaussians, asked.instruction, views, **request)
         return print_result(plan._asdict(), plan.describe())
-    items = edit_steps(gaussians, asked.instruction, views, **request, resume=state, ranks=ranks())
-    if not is_first():
-        return drain(items)
+    items = edit_steps(gaussians, asked.instruction, views, **request, resume=state)
     source = {"scene": asked.scene.absolute(), "drop_invalid": own.drop_invalid}
     check = partial(check_folder, folder, own.force or state is not None, leftovers=LEFTOVERS)
     with (
@@ -321,7 +316,7 @@ def request_of(asked: EditCommand, *, exact: bool) -> dict[str, Any]:
     return {
         "scene": asked.scene, "drop_invalid": own.drop_invalid, **asdict(views),
         "size": views.pixels, "editor": editor, "preset": own.preset, "features": own.features,
-        "seed": asked.common.seed, "ranks": ranks().size, **history_of(asked.scene),
+        "seed": asked.common.seed, **history_of(asked.scene),
     }  # fmt: skip
 
 

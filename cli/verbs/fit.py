@@ -27,7 +27,6 @@ from ..core.console import print_message, print_result
 from ..core.kernel import FITS, say_kernel
 from ..core.outputs import check_scene_file
 from ..core.progress import progress, result_of
-from ..core.ranks import drain, is_first, ranks
 from ..options.cameras import load_photos
 from ..options.common import Reads, load_scene
 
@@ -113,11 +112,8 @@ def fit(
 
 def run_fit(
     dataset: Path, own: FitOptions, size: int, settings: FitSettings, common: Seeded
-) -> FitResult | None:
-    """Fit with progress on the terminal, and write the scene and its cameras.
-
-    Returns None on all ranks but the first.
-    """
+) -> FitResult:
+    """Fit with progress on the terminal, and write the scene and its cameras."""
     check_scene_file(own.out, own.force)
     checkpoints = Checkpoints(
         own.out.with_suffix(CHECKPOINT), check=partial(check_scene_file, own.out, own.force)
@@ -133,11 +129,7 @@ def run_fit(
     photos = load_photos(dataset, size, own.start)
     frame = check_places(photos, dataset, own)
     say_kernel(settings.execution, FITS)
-    steps = fit_steps(
-        photos, settings, generator=common.generator(), start=first, resume=state, ranks=ranks()
-    )
-    if not is_first():
-        return drain(steps)
+    steps = fit_steps(photos, settings, generator=common.generator(), start=first, resume=state)
     with checkpoints:
         with progress() as show:
             result = result_of(steps, {Event: show, Checkpoint: checkpoints.keep})
@@ -153,8 +145,6 @@ def check_places(photos: Photos, dataset: Path, own: FitOptions) -> Similarity |
     from gsedit.views.cameras_json import place_beside
     from gsedit.views.export_frame import frame_beside, frame_place
 
-    if not is_first():
-        return None
     place_beside(own.out, photos.views, overwrite=own.force)
     frame = frame_beside(photos, dataset, own.out, own.start)
     if frame is not None:

@@ -27,7 +27,7 @@ import numpy as np
 from PIL import Image
 
 ROOT = Path(__file__).parents[2]
-LINE = re.compile(r"^(?: {4}|\$ )?((?:gsedit|torchrun|docker|pip|make|git) .+)", re.MULTILINE)
+LINE = re.compile(r"^(?: {4}|\$ )?((?:gsedit|docker|pip|make|git) .+)", re.MULTILINE)
 """A command at the beginning of a line: in a fence, or indented."""
 OTHERS = re.compile(r"^```(?!sh|bash|console|\n).*?^```", re.MULTILINE | re.DOTALL)
 """Fences of other languages."""

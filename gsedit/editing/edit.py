@@ -25,7 +25,6 @@ from gsedit.paper.request import Method, Request, asks_editor, build_request
 from gsedit.paper.settings import EditSettings
 from gsedit.paper.strategies.single_pass import SinglePass
 from gsedit.run.events import Checkpoint, Event
-from gsedit.run.ranks import ALONE, Ranks
 from gsedit.run.state import State
 from gsedit.run.stopwatch import Stopwatch
 from gsedit.scene.outcome import same
@@ -144,14 +143,13 @@ def prepare(
     features: FeatureExtractor | None = None,
     generator: torch.Generator | None = None,
     resume: State | None = None,
-    ranks: Ranks = ALONE,
 ) -> Job:
     """Read a sentence, and check what is asked; without views, some are searched.
 
     The `editor` (the painter) draws its painting styles by the strategy (the single pass); one that
     is no painter draws all of it, and so is all drawn by a strategy that asks no editor. `names`
     are those of saved selections, and masks for nouns. `resume` is the state of a checkpoint of the
-    same edit, `ranks` processes that share the work. Raises UsageError for a sentence that is
+    same edit. Raises UsageError for a sentence that is
     refused, what only a drawing heeds where nothing is drawn, masks that nothing asks for, an empty
     scene.
     """
@@ -164,9 +162,7 @@ def prepare(
     method = None
     if not all(map(is_exact, steps)):
         generator = generator or torch.Generator().manual_seed(0)
-        method = Method(
-            editor or make_editor(), strategy or SinglePass(), generator, features, ranks
-        )
+        method = Method(editor or make_editor(), strategy or SinglePass(), generator, features)
         for step in steps:
             if not is_exact(step):
                 method.check(step.text)

@@ -93,7 +93,7 @@ def estimate_edit(session: Session) -> Estimate | None:
     request = session.request
     measure = request.editor.capabilities.measure
     is_plain = asks_editor(request.strategy) and fits_pictures(request.strategy)
-    if measure is None or request.ranks.size > 1 or not is_plain:
+    if measure is None or not is_plain:
         return None
     plan = session.plan
     cost = measure(batch_of(session, plan.batches[0]), request.settings.sampler)
@@ -122,11 +122,9 @@ def draw(
 
     Yields events, and a checkpoint now and then. Every 8th view is never edited: there the result
     is measured. With the state of a checkpoint, the same edit goes on from there: only later events
-    are yielded, the evidence has all. Every one of several ranks is given the same and yields the
-    same. Raises UsageError for the state of another edit.
+    are yielded, the evidence has all. Raises UsageError for the state of another edit.
     """
     record = request_record(request)
-    request.ranks.check_same("the request", [record])
     events: list[Event] = []
     if resume is not None:
         check_resumable(resume, record)
@@ -251,8 +249,7 @@ def run_schedule(session: Session) -> Iterator[Event | Checkpoint]:
     """Run the actions of the strategy's schedule that are not done yet, in order.
 
     Yields a checkpoint between actions when the settings' `checkpoint_seconds` have passed since
-    the last one, when asking the 2D editor fails or is interrupted, and at the end. Raises
-    GseditError where ranks no longer take the same decisions.
+    the last one, when asking the 2D editor fails or is interrupted, and at the end.
     """
     request, work, stopwatch = session.request, session.progress.work, session.progress.stopwatch
     saved_seconds, saved_actions = stopwatch.seconds, work.actions
@@ -264,7 +261,6 @@ def run_schedule(session: Session) -> Iterator[Event | Checkpoint]:
         is_atomic = isinstance(action, RollbackAction)
         yield from _run_atomically(action, session) if is_atomic else action(session)
         work.actions += 1
-        request.ranks.check_same("the work", (work, request.generator.get_state()))
     if work.actions > saved_actions:
         yield checkpoint(session)
 

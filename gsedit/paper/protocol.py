@@ -17,7 +17,6 @@ from gsedit.paper.diffusion.guidance import Predictor
 from gsedit.paper.diffusion.sampler import levels_of
 from gsedit.paper.diffusion.schedules import NoiseLevel
 from gsedit.paper.diffusion.settings import SamplerDefaults, SamplerSettings
-from gsedit.run.ranks import Ranks
 from gsedit.views.image_ops import PadMode
 
 GroundTruth = Callable[[Float[Tensor, "n h w 3"]], Float[Tensor, "n h w 3"]]
@@ -106,8 +105,8 @@ class Capabilities:
     there is none. A denoiser's own record leaves it None: the editor around it fills it in."""
     with_micro_batch: Callable[[int], Denoiser] | None = None
     """Make this denoiser with that many views in one pass of its network; the predictions are equal
-    but for rounding. It draws nothing in `condition`: the views may be shared out over ranks. None
-    where no network is run: then memory is not measured, and views are not shared out."""
+    but for rounding. None where no network is run: then memory is not
+    measured."""
     best_size: int | None = None
     """Longer side, pixels, of the pictures that it edits best: larger views are edited at this size
     and the change is carried up. None: any size."""
@@ -144,9 +143,6 @@ class Capabilities:
     with_views: Callable[[str, Float[Tensor, "v h w 3"]], Editor] | None = None
     """(prompt, unedited pictures of all planned views) -> this editor, with what it takes from them
     together and keeps for every later view. None where it takes nothing."""
-    with_ranks: Callable[[Ranks], Editor] | None = None
-    """Make this editor with its views shared out over several processes. None where that is not
-    possible: then rank 0 edits, and the others receive the pictures."""
 
 
 @runtime_checkable

@@ -13,11 +13,9 @@ import torch
 from gsedit.capture.fitting.edit_loss import check_installed
 from gsedit.errors import UsageError
 from gsedit.measures.features import MIN_SIDE, FeatureExtractor, FilterBank
-from gsedit.paper.editors.ranked import with_ranks
 from gsedit.paper.protocol import Editor
 from gsedit.paper.settings import EditSettings
 from gsedit.run.json_lines import plain
-from gsedit.run.ranks import ALONE, Ranks
 from gsedit.run.state import digest, digest_of
 from gsedit.scene.merging import MergedScene, coarsen
 from gsedit.scene.picture import render_picture
@@ -75,8 +73,6 @@ class Method:
     generator: torch.Generator
     features: FeatureExtractor | None = None
     """Features that the Gram loss compares; None: a bank of oriented filters."""
-    ranks: Ranks = ALONE
-    """Processes among which the work is shared; each is given the same."""
 
     def check(self, prompt: str) -> None:
         """Raise UsageError for a strategy that is none, or a sentence it cannot follow."""
@@ -107,8 +103,6 @@ class Request:
     """The Gaussians of `scene` that may change; None: the edited views will tell."""
     coarse: MergedScene | None = None
     """The merged scene of a large one, and that itself; None for others."""
-    ranks: Ranks = ALONE
-    """Processes among which the work is shared; each has the whole request."""
 
     @property
     def whole(self) -> Gaussians:
@@ -162,7 +156,7 @@ def build_request(
     strategy, scene = method.strategy, scene.detach()
     method.check(prompt)
     check_installed(settings.update)
-    editor = with_ranks(method.editor, method.ranks)
+    editor = method.editor
     some, held_out = split_views(_pictures(views, scene, settings.execution))
     settings = _with_defaults(settings, editor, (some or held_out)[0].camera)
     cameras = [view.camera for view in (*some, *held_out)]
@@ -171,7 +165,7 @@ def build_request(
         region = replace(region, inside=coarse.majority(region.inside))
     return Request(
         coarse.scene if coarse else scene, prompt, some, held_out, editor, settings, strategy,
-        method.features or FilterBank(), method.generator, region, coarse, method.ranks,
+        method.features or FilterBank(), method.generator, region, coarse,
     )  # fmt: skip
 
 

@@ -92,7 +92,6 @@ def start_progress(
         scene,
         rates(settings.geometry, bounds(scene).radius),
         compiled=is_compiled(settings.execution),
-        ranks=request.ranks,
     )
     return Progress(optimizer, _crops(request, unedited), stopwatch, noise_seed)
 

@@ -1,1 +1,1 @@
-"""Long work: events, checkpoints, ranks; files written whole and read with care."""
+"""Long work: events, checkpoints; files written whole and read with care."""

@@ -14,8 +14,7 @@ LEAST_STEPS = 10
 class Budget:
     """Counts `step` and runs from its construction; None: no limit of that kind.
 
-    `step` and `spent` seconds were done before; seconds are the clock's. With `agree`, those count
-    that it makes of them after each step.
+    `step` and `spent` seconds were done before; seconds are the clock's.
     """
 
     def __init__(
@@ -25,19 +24,15 @@ class Budget:
         *,
         step: int = 0,
         spent: float = 0.0,
-        agree: Callable[[float], float] | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._steps, self._seconds, self._agree = steps, seconds, agree
+        self._steps, self._seconds = steps, seconds
         self._stopwatch = Stopwatch(spent, clock=clock)
-        self._agreed = spent
         self.step = step
 
     def count_step(self) -> None:
         """A step is done."""
         self.step += 1
-        if self._seconds is not None and self._agree is not None:
-            self._agreed = self._agree(self.seconds)
 
     @property
     def seconds(self) -> float:
@@ -49,8 +44,7 @@ class Budget:
         """Fraction of the budget that is spent: of the steps or of the seconds, the larger; 1 where
         the last step, or LEAST_STEPS, took longer."""
         by_step = 0.0 if self._steps is None else self.step / self._steps
-        seconds = self.seconds if self._agree is None else self._agreed
-        by_time = 0.0 if self._seconds is None else seconds / self._seconds
+        by_time = 0.0 if self._seconds is None else self.seconds / self._seconds
         return min(1.0, max(by_step, by_time))
 
     @property

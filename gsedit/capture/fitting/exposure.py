@@ -88,11 +88,6 @@ class Exposures:
         affine = self._relative(self.maps[row] + self.moves[row])
         return picture @ affine[:, :3].T.to(picture) + affine[:, 3].to(picture)
 
-    @property
-    def of_step(self) -> tuple[Tensor, Tensor]:
-        """Sums over the photos of a step."""
-        return self.moves, self._new
-
     def move(self) -> None:
         """The end of a step: the maps move."""
         self.maps += self.moves

@@ -9,7 +9,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from itertools import chain
 from math import inf, sqrt
@@ -17,13 +17,13 @@ from statistics import fmean
 from typing import Any
 
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from torch import Tensor
 
 from gsedit.capture.fitting.budget import Budget
 from gsedit.capture.fitting.densify import Densified, ScreenGradients, densify, without_floaters
 from gsedit.capture.fitting.exposure import Exposures
-from gsedit.capture.fitting.initial import Once, initial_scene
+from gsedit.capture.fitting.initial import initial_scene
 from gsedit.capture.fitting.optimizer import SceneOptimizer, optimized_scene
 from gsedit.capture.fitting.photometric import SMALLEST, photometric, supervised
 from gsedit.capture.fitting.settings import FitSettings
@@ -33,7 +33,6 @@ from gsedit.measures.formulas import psnr
 from gsedit.pictures import notebook
 from gsedit.run.events import Checkpoint, Event
 from gsedit.run.json_lines import plain
-from gsedit.run.ranks import ALONE, Ranks
 from gsedit.run.state import State, check_same, digest, digest_of, restoring, tensor_like
 from gsedit.run.step_threads import StepThreads
 from gsedit.scene.framing import finest_pixels
@@ -115,15 +114,14 @@ def fit_steps(
     generator: torch.Generator,
     start: Gaussians | None = None,
     resume: State | None = None,
-    ranks: Ranks = ALONE,
     clock: Callable[[], float] = time.monotonic,
 ) -> Iterator[Event | Checkpoint | FitResult]:
     """Fit a scene; yields progress, checkpoints now and then, and last the result.
 
     Every 8th view is never trained on. The budget's seconds are the clock's. With the state of a
-    checkpoint, the same fit goes on from there, with what is left of its budget. Every one of
-    several `ranks` is given the same and yields the same. Raises UsageError if there is nothing to
-    train on, for photos that are too small, and for the state of another fit.
+    checkpoint, the same fit goes on from there, with what is left of its budget. Raises UsageError
+    if there is nothing to train on, for photos that are too small, and for the state of another
+    fit.
     """
     settings = settings or FitSettings()
     train, held_out = dataset.split()
@@ -132,23 +130,20 @@ def fit_steps(
             f"{len(dataset)} view(s) are too few to fit: every 8th is held out; add photos"
         )
     check_sizes(dataset.views, settings)
-    settings = replace(settings, batch=settings.batch or ranks.size)
     asked = requested(dataset, settings, generator, start)
-    ranks.check_same("what is fitted", [asked])
     if resume is not None:
         with restoring(resume):
             check_same(asked, resume.record["request"], "fit")
             start = optimized_scene(resume.within("optimizer"))
-    agree = None if ranks.size == 1 else ranks.first  # the clock of rank 0 decides
     done = (
         {} if resume is None else {"step": resume.record["step"], "spent": resume.record["seconds"]}
     )
     # it runs from here on: the start from the photos is part of it
-    budget = Budget(settings.steps, settings.seconds, agree=agree, clock=clock, **done)
+    budget = Budget(settings.steps, settings.seconds, clock=clock, **done)
     if start is None:
-        start = _start(dataset, settings, generator, budget, ranks.once)
+        start = _start(dataset, settings, generator, budget)
     extent = _camera_extent(dataset.views)
-    work = _Fit(start, train, held_out, extent, settings, generator, asked, budget, ranks)
+    work = _Fit(start, train, held_out, extent, settings, generator, asked, budget)
     del start  # the optimizer has copies
     if resume is not None:
         with restoring(resume):
@@ -182,7 +177,6 @@ def evaluate(
     scene: Gaussians,
     views: tuple[View, ...],
     execution: Execution = AUTO,
-    ranks: Ranks = ALONE,
 ) -> float:
     """Mean PSNR over views, dB, where their masks are True; infinite where all are equal.
 
@@ -192,13 +186,7 @@ def evaluate(
     if not views:
         raise UsageError("the masks hide every held-out photo: give masks that leave some pixels")
 
-    def measured(rows: Int[Tensor, " v"]) -> Float[Tensor, " v"]:
-        chosen = [views[i] for i in rows.tolist()]
-        pictures = (render_picture(scene, v.camera, execution) for v in chosen)
-        decibels = [psnr(picture, v.image, v.mask) for picture, v in zip(pictures, chosen)]
-        return torch.tensor(decibels, dtype=torch.float64)
-
-    return sum(ranks.rows(measured, torch.arange(len(views))).tolist()) / len(views)
+    return fmean(psnr(render_picture(scene, v.camera, execution), v.image, v.mask) for v in views)
 
 
 class _Fit:
@@ -207,15 +195,15 @@ class _Fit:
     def __init__(
         self, scene: Gaussians, train: tuple[View, ...], held_out: tuple[View, ...],
         extent: float, settings: FitSettings, generator: torch.Generator, asked: dict[str, Any],
-        budget: Budget, ranks: Ranks,
+        budget: Budget,
     ) -> None:  # fmt: skip
         self.asked, self.budget = asked, budget
         self.settings, self.generator, self.held_out = settings, generator, held_out
-        self.batch = settings.batch or 1
+        self.batch = settings.batch
         rates = {**RATES, "means": RATES["means"] * extent}
         rates = {name: rate * sqrt(self.batch) for name, rate in rates.items()}
         compiled = is_compiled(settings.execution)
-        self.optimizer = SceneOptimizer(scene, rates, compiled=compiled, ranks=ranks)
+        self.optimizer = SceneOptimizer(scene, rates, compiled=compiled)
         self.pyramid = pyramid(train, (pixels for _, pixels in settings.coarse))
         self.costs = {side: step_cost(views) for side, views in self.pyramid.items()}
         self.work, self.began = 0.0, budget.seconds
@@ -259,21 +247,20 @@ class _Fit:
         self.curve = [(seconds, decibels) for seconds, decibels in record["curve"]]
 
     def step(self) -> None:
-        """One optimizer step on a batch of photos, or on this process's share of them."""
+        """One optimizer step on a batch of photos."""
         optimizer, scene = self.optimizer, self.optimizer.scene
         # in front of a random color, every hole in the scene costs where the photo is opaque
         photos = [
             (self._next_view(), torch.rand(3, generator=self.generator)) for _ in range(self.batch)
         ]
         seen, loss = ScreenGradients(len(scene)), torch.zeros(())
-        for view, background in optimizer.share(photos):
+        for view, background in photos:
             one = self._loss(scene, view, background)
             # called with the gradient of this photo alone, before it is added to that of the others
             hook = scene.means.register_hook(partial(seen.add, scene=scene, camera=view.camera))
             one.backward()
             hook.remove()
             loss += one.detach()
-        optimizer.add_up(seen.total, seen.pictures, loss, *self.exposures.of_step)
         self.exposures.move()
         self.gradients.include(seen)
         optimizer.step({k: v**self.budget.progress for k, v in FINAL_RATE.items()})
@@ -376,7 +363,7 @@ class _Fit:
         yield FitResult(scene, self.curve[-1][1], steps, seconds, tuple(self.curve))
 
     def _measure(self, scene: Gaussians) -> Event:
-        decibels = evaluate(scene, self.held_out, self.settings.execution, self.optimizer.ranks)
+        decibels = evaluate(scene, self.held_out, self.settings.execution)
         self.curve.append((self.budget.seconds, decibels))
         note = f"{len(scene):,} Gaussians, {decibels:.2f} dB"
         return self._event("measure", note, rmse_from_psnr(decibels))
@@ -389,7 +376,6 @@ class _Fit:
 
 def _start(
     dataset: Dataset, settings: FitSettings, generator: torch.Generator, budget: Budget,
-    once: Once,
 ) -> Gaussians:  # fmt: skip
     """Start of a fit that is given no scene."""
     return initial_scene(
@@ -398,7 +384,6 @@ def _start(
         generator,
         swept=settings.dense_start,
         at_most=settings.max_gaussians,
-        once=once,
         out_of_time=lambda: budget.seconds > SWEEP_SHARE * (settings.seconds or inf),
     )
 

@@ -26,8 +26,6 @@ MEASURED_POINTS = 50_000
 
 Points = tuple[Float[Tensor, "m 3"], Float[Tensor, "m 3"]]
 """World positions and RGB colors in [0, 1]."""
-Once = Callable[[Callable[[], Points]], Points]
-"""Call of a function whose result is shared with other processes."""
 
 
 def initial_scene(
@@ -37,13 +35,12 @@ def initial_scene(
     *,
     swept: int = 0,
     at_most: int | None = None,
-    once: Once = lambda work: work(),
     out_of_time: Callable[[], bool] = lambda: False,
 ) -> Gaussians:
     """Round Gaussians at the sparse points, as wide as their neighbors are far.
 
     `swept` patches of the photos that are not held out are looked for in space besides (see
-    `swept_points`), until `out_of_time`; `once` makes that call. With fewer than 4 points of both
+    `swept_points`), until `out_of_time`. With fewer than 4 points of both
     kinds, at random places where the cameras look. Colors are the points', or grey where they have
     none. Of more points than `at_most`, a random choice is taken.
     """
@@ -51,7 +48,10 @@ def initial_scene(
     grey = torch.full_like(points, 0.5)
     colors = grey if dataset.point_colors is None else dataset.point_colors.float()
     if swept:
-        more, theirs = _swept(dataset.split()[0], points, swept, generator, once, out_of_time)
+        own = torch.Generator().manual_seed(int(torch.randint(2**31, (), generator=generator)))
+        photos = dataset.split()[0]
+        depths = _inverse_depths(photos, points)
+        more, theirs = swept_points(photos, swept, depths, own, out_of_time)
         points, colors = torch.cat((points, more)), torch.cat((colors, theirs))
     if len(points) < MIN_POINTS:
         points = _random_points(dataset.views, RANDOM_POINTS, generator)
@@ -76,23 +76,6 @@ def round_gaussians(
     log_scales = spacing.log()[:, None].repeat(1, 3)
     logit = float(torch.logit(torch.tensor(opacity)))
     return Gaussians(points.contiguous(), quats, log_scales, torch.full((count,), logit), sh)
-
-
-def _swept(
-    views: Sequence[View],
-    points: Float[Tensor, "n 3"],
-    count: int,
-    generator: torch.Generator,
-    once: Once,
-    out_of_time: Callable[[], bool],
-) -> Points:
-    """Sweep once for all: another machine's rounding might find one point more."""
-    own = torch.Generator().manual_seed(int(torch.randint(2**31, (), generator=generator)))
-
-    def sweep() -> Points:
-        return swept_points(views, count, _inverse_depths(views, points), own, out_of_time)
-
-    return once(sweep)
 
 
 def _inverse_depths(

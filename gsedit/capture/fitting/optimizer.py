@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from math import isqrt
-from typing import TypeVar
 
 import torch
 from jaxtyping import Bool, Float, Int
@@ -12,7 +11,6 @@ from torch import Tensor
 
 from gsedit.capture.fitting.adam import Adam
 from gsedit.capture.fitting.shape import hold_shapes
-from gsedit.run.ranks import ALONE, Ranks
 from gsedit.run.state import tensor_like
 from rasterizer.numerics import color_to_sh
 from rasterizer.scene import Gaussians
@@ -20,8 +18,6 @@ from rasterizer.scene import Gaussians
 SH_REST = 1 / 20
 """View-dependent color learns this much slower than base color (Kerbl et al. 2023): it is where
 contradictions between views would hide. A rate of its own: Adam does not feel a scaled gradient."""
-
-T = TypeVar("T")
 
 LOWEST_COLOR = 1 / 255
 """Lowest base color of a Gaussian to be fitted: one step of an 8-bit picture, above the clamp at
@@ -42,11 +38,8 @@ class SceneOptimizer:
         rates: Mapping[str, float],
         *,
         compiled: bool = False,
-        ranks: Ranks = ALONE,
     ) -> None:
-        """`compiled`: steps by a C++ kernel, where there is one; equal to rounding. `ranks` share
-        out the work of a step (`share`) and add up its gradients (`add_up`)."""
-        self.ranks = ranks
+        """`compiled`: steps by a C++ kernel, where there is one; equal to rounding."""
         self._rates = dict(rates)
         values = vars(scene.detach())
         self._constant = {k: v for k, v in values.items() if k not in self._rates}
@@ -67,21 +60,6 @@ class SceneOptimizer:
         """Gradient of one field after a backward pass; zeros if there is none."""
         leaf = self._leaves[name]
         return torch.zeros_like(leaf) if leaf.grad is None else leaf.grad
-
-    def share(self, items: Sequence[T]) -> Sequence[T]:
-        """This rank's share of what the next step is computed from: maybe none."""
-        return items[self.ranks.share(len(items))]
-
-    def add_up(self, *more: Tensor) -> None:
-        """Sum the gradients of the next step over the ranks, and with them `more`, in place.
-
-        Ranks may have drawn nothing. Raises LostRankError.
-        """
-        if self.ranks.size == 1:
-            return
-        for name, leaf in self._leaves.items():
-            leaf.grad = self.gradient(name)
-        self.ranks.add_up([*(leaf.grad for leaf in self._leaves.values()), *more])
 
     def step(
         self, scale: Mapping[str, float] | float = 1.0, only: Bool[Tensor, " n"] | None = None

@@ -121,9 +121,9 @@ class FitSettings:
     """Optimizer steps; None: as many as the time allows."""
     seconds: float | None = None
     """Wall-clock seconds; None: until the steps are done."""
-    batch: int | None = field(default=None, metadata={"flag": "--batch"})
+    batch: int = field(default=1, metadata={"flag": "--batch"})
     """Photos in a step; their gradients are summed, and the learning rates are multiplied by the
-    square root of their number. None: one a rank, which is 1 without torchrun."""
+    square root of their number."""
     sh_degree: int = field(default=1, metadata={"flag": "--sh-degree"})
     """Degree of the spherical harmonics, 0 to 3; higher ones cost time and memorise exposure."""
     dense_start: int = 40_000
@@ -157,7 +157,7 @@ class FitSettings:
             value = getattr(self, name)
             if value is not None and not value > 0:
                 raise UsageError(f"the budget in {name} is {value}: give a number above 0")
-        if self.batch is not None and self.batch < 1:
+        if self.batch < 1:
             raise UsageError(f"batch is {self.batch}: give 1 or more")
         if self.exposure not in get_args(Exposure):
             raise UsageError(f"exposure is {self.exposure!r}: {', '.join(get_args(Exposure))}")

@@ -93,7 +93,7 @@ def update_steps(
     negative base colors are raised before the round's first step. The learning rates fall linearly
     over the round. Of large targets, the first steps use smaller copies. `crops` draws the scene
     (None: renders it). Where the targets say what is shown of a region, the patches are those in
-    which it shows. The optimizer says which of a step's patches are drawn here.
+    which it shows.
     """
     crops, threads = crops or ExactCrops(), StepThreads()
     if span.start == 0:
@@ -107,19 +107,14 @@ def update_steps(
         patches = [
             random_patch(views, masks, settings.patch, generator) for _ in range(settings.patches)
         ]
-        whole_loss = torch.zeros(())
         with threads.step():
-            if mine := optimizer.share(patches):
-                rendered = crops.draw(optimizer, mine)
-                expected = torch.stack([cut(v.image, box) for v, box in mine])
-                rendered, expected = supervised(rendered, expected, _masks_of(mine))
-                loss = edit_loss(rendered, expected, settings.terms_at(step), features)
-                loss = loss * (len(mine) / len(patches))  # a mean over patches: shares add up to it
-                loss.backward()
-                whole_loss += loss.detach()
-            optimizer.add_up(whole_loss)
+            rendered = crops.draw(optimizer, patches)
+            expected = torch.stack([cut(v.image, box) for v, box in patches])
+            rendered, expected = supervised(rendered, expected, _masks_of(patches))
+            loss = edit_loss(rendered, expected, settings.terms_at(step), features)
+            loss.backward()
             optimizer.step(rate_scale(step, steps), only=seen)
-        yield whole_loss.item()
+        yield loss.item()
 
 
 def _masks_of(patches: Sequence[tuple[View, Box]]) -> Bool[Tensor, "b y x"] | None:

@@ -23,7 +23,7 @@ from gsedit.paper.diffusion.memory import most_bytes
 from gsedit.paper.diffusion.precision import InBfloat16
 from gsedit.paper.diffusion.sampler import Anchor, Hook, add_noise, sample
 from gsedit.paper.diffusion.settings import SamplerSettings
-from gsedit.paper.editors.ranked import Fit, prepared, shared_out
+from gsedit.paper.editors.prepared import Fit, prepared
 from gsedit.paper.protocol import (
     Capabilities,
     Cost,
@@ -62,7 +62,6 @@ class DiffusionEditor:
             declared,
             denoiser=declared.denoiser or self.denoiser,
             measure=self.measure if declared.with_micro_batch else None,
-            with_ranks=lambda ranks: replace(self, denoiser=shared_out(self.denoiser, ranks)),
         )
 
     def check(self, prompt: str) -> None:
