@@ -90,6 +90,8 @@ class Page(Audience):
         """How the selection was found."""
         self.growing: Loaded | None = None
         """The scene that the command in hand has made so far, where it tells."""
+        self.pictures: dict[Any, str] = {}
+        """Small pictures of steps, and of looks of the first one, as addresses that hold them."""
         self.worker = worker
         """Runs the command in hand."""
         worker.tell = self._worked
@@ -269,6 +271,7 @@ class Page(Audience):
         self.save()
         self._session.close()
         self._session, self.folder, self.selection = taken, folder, None
+        self.pictures.clear()
         self.document = Document()
 
     def _shown_file(self) -> Path | None:

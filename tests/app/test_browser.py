@@ -35,7 +35,6 @@ def test_open_click_type_apply_undo_and_export(scene, tmp_path):
 
 
 def select(window, page):
-    window.press("Select")
     window.wait(lambda: page.tabs and page.tabs[0].pointer_name == "select")
     window.wait(lambda: window.run("!!document.querySelector('canvas')"))
     x, y = canvas_middle(window)
@@ -55,9 +54,8 @@ def clicked(window, page, x, y):
 
 
 def edit(window, page):
-    window.press("Say")
-    window.write("", "paint it red")
-    window.wait(lambda: "about" in window.text())  # how it is understood, and how long it takes
+    window.write("Say what should change", "paint it red")
+    window.wait(lambda: "painted red" in window.text())  # how it is understood
     window.press("Apply")
     window.wait(lambda: page.document.position == 1, 40)
     window.wait(lambda: "paint it red" in window.text())
@@ -96,7 +94,7 @@ def test_a_window_as_small_as_a_phone_can_be_used_by_touch(scene, page):
         window = opened(found.address, (390, 844))
         window.call("Emulation.setTouchEmulationEnabled", enabled=True, maxTouchPoints=2)
         window.wait(lambda: "600 Gaussians" in window.text())
-        window.press("History")
+        window.press("Tools")
         window.wait(lambda: "side by side" in window.text())
         assert window.run("document.documentElement.scrollWidth") <= 390
         x, y = window.wait(lambda: above_the_panel(window))

@@ -38,7 +38,7 @@ def add(page: Page, tab: Tab) -> None:
     again = gui.add_button("Go on with what was interrupted", icon="player-play", visible=False)
     show_photos = add_photos(page, tab)
     show_earlier = add_earlier(page, tab)
-    upload = gui.add_upload_button("Open files, or drop them here", icon="upload")
+    upload = gui.add_upload_button("Open files, or drop them here", icon="upload", color="gray")
 
     def show_state() -> None:
         pending = page.document.pending
