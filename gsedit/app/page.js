@@ -160,9 +160,9 @@ over.setAttribute("aria-label", "objects of the scene");
 new MutationObserver(() => {
   const canvas = document.querySelector("canvas");
   if (canvas && !over.isConnected) document.body.append(over);
-  if (canvas && !canvas.hasAttribute("aria-label")) {
-    canvas.setAttribute("role", "img");
-    canvas.setAttribute("aria-label", "the scene: drag to turn, right drag to shift, wheel to zoom");
+  for (const each of document.querySelectorAll("canvas:not([aria-label])")) {
+    each.setAttribute("role", "img");
+    each.setAttribute("aria-label", "the scene: drag to turn, right drag to shift, wheel to zoom");
   }
   const laid = canvas && document.querySelector(".laid");
   if (laid) {

@@ -8,6 +8,7 @@ from page_browser import CTRL, browser, chromium
 from pages import make_page, served
 
 from gsedit.app.opening import open_path
+from gsedit.app.previews import Previewer
 from gsedit.formats.scenes import read_scene
 
 pytestmark = pytest.mark.skipif(chromium() is None, reason="there is no Chromium to open")
@@ -86,6 +87,55 @@ def canvas_middle(window):
 
 def inside(address, port):
     return address.startswith(("data:", "blob:", "about:")) or f"://127.0.0.1:{port}" in address
+
+
+def test_a_sentence_is_outlined_previewed_and_ended_by_what_begins(scene, page, monkeypatch):
+    half = lambda self, _: self.loaded.scene.means[:, 0] > 0  # noqa: E731
+    monkeypatch.setattr(Previewer, "target", half)
+    open_path(page, scene)
+    with served(page) as found, browser() as opened:
+        window = opened(found.address)
+        window.wait(lambda: "600 Gaussians" in window.text())
+        tab = page.tabs[0]
+        window.write("Say what should change", "paint it red")
+        window.wait(lambda: "Not this?" in window.text())
+        window.wait(lambda: tab.previews)
+        window.wait(lambda: window.run("document.querySelectorAll('#over button').length"))
+        press_escape(window)
+        window.wait(lambda: not tab.previews)
+        assert tab._marked() is not None  # what was named is outlined still
+        window.run("document.querySelector('#over button').click()")
+        window.wait(lambda: page.selection is not None)
+        window.wait(lambda: tab.previews)  # the sentence, of what is selected now
+        page.select(~page.selection, "the others")
+        assert not tab.previews
+        assert not window.errors
+
+
+def press_escape(window):
+    window.run("document.querySelector('[data-box]').focus()")
+    for kind in ("keyDown", "keyUp"):
+        window.call("Input.dispatchKeyEvent", type=kind, key="Escape", windowsVirtualKeyCode=27)
+
+
+def test_messages_are_one_at_a_time_and_all_controls_have_names(scene, page):
+    open_path(page, scene)
+    with served(page) as found, browser() as opened:
+        window = opened(found.address)
+        window.wait(lambda: "600 Gaussians" in window.text())
+        window.wait(lambda: window.run("!!document.querySelector('[data-box]')"))
+        page.fail("the first did not work")
+        window.wait(lambda: "the first" in window.text())
+        page.fail("the second did not work")
+        window.wait(lambda: "the second" in window.text() and "the first" not in window.text())
+        assert window.run(_NAMELESS) == []
+
+
+_NAMELESS = """[...document.querySelectorAll("button,input,select,textarea,canvas,[role=tab]")]
+    .filter((each) => each.offsetParent !== null && each.type !== "file")
+    .filter((each) => !(each.getAttribute("aria-label") || each.innerText?.trim()
+        || each.labels?.length || each.title))
+    .map((each) => each.outerHTML.slice(0, 200))"""
 
 
 def test_a_window_as_small_as_a_phone_can_be_used_by_touch(scene, page):

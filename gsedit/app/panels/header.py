@@ -53,7 +53,8 @@ def add(page: Page, tab: Tab) -> None:
         work = page.busy
         doing.visible = bar.visible = cancel.visible = work is not None
         if work is not None:
-            doing.content = f"**{work.describe()}**\n\n{plain(work.line)}"
+            of = f" of about {page.about:.0f} s" if page.about else ""
+            doing.content = f"**{work.describe()}{of}**\n\n{plain(work.line)}"
             bar.value = 100 * (work.share or 0.0)
         show_state()
 

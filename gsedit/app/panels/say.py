@@ -111,9 +111,11 @@ class Say:
         reading = self.reading
         known = reading is not None and not reading.refusal
         self.apply_button.visible = known
+        self.text.visible = self.page.has_scene
         if reading is None:
             chips = "".join(button(f"say {each}", escape(each)) for each in EXAMPLES)
-            self.told.content = f'<div class="told">Such as {chips}</div>'
+            such = f'<div class="told">Such as {chips}</div>'
+            self.told.content = such if self.page.has_scene else ""
             return
         names = self.names()
         shown = escape(reading.refusal) or chips_of(
@@ -290,8 +292,9 @@ class Say:
     def done(self, notes: tuple[str, ...], reading: Reading) -> None:
         """Say that a preview is shown, with its remarks."""
         more = (f"the first of {len(reading.steps)} edits",) if len(reading.steps) > 1 else ()
-        told = "; ".join(("Preview", *more, *notes))
-        self.doing = f"<p>{escape(told)} {button('end', 'End')}</p>"
+        told = escape("; ".join((*more, *notes)))
+        remarks = f"<details><summary>Remarks</summary>{told}</details>" if told else ""
+        self.doing = f"<p>Preview {button('end', 'End')}</p>{remarks}"
         self.show()
 
     def end(self, *, keep: bool = False) -> None:
@@ -321,7 +324,8 @@ class Say:
         reading = self.asked()
         after = partial(self.applied, reading.text)
         options = self.page.region_options()
-        self.page.step("edit", reading.text, *options, title=reading.text, after=after)
+        about = reading.seconds(len(self.page.scene))
+        self.page.step("edit", reading.text, *options, title=reading.text, after=after, about=about)
 
     def applied(self, said_: str) -> None:
         """Be ready for the next sentence, which may be typed already."""
