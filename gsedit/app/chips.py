@@ -27,9 +27,11 @@ def chips_of(
     """HTML of the chips of a sentence that was read, a line a change."""
     lines = []
     for i, change in enumerate(reading.instruction.changes):
-        whole = _part(change, selected=selected)
+        # a selection confines what is said of the whole scene
+        now = "subject" if selected and change.target == "scene" else change.target
+        whole = _part(_of(change, now), selected=selected)
         parts = {t: _part(_of(change, t), selected=selected) for t in _parts(reading, i, read)}
-        line = [_select(f"target {i}", "what changes", parts, change.target) if parts else whole]
+        line = [_select(f"target {i}", "what changes", parts, now) if parts else escape(whole)]
         line.append(_what(reading, i, whole))
         line += [_knob(n, knob) for n, knob in enumerate(knobs) if knob.index == i]
         lines.append(f'<div class="line">{" ".join(line)}</div>')

@@ -8,7 +8,7 @@ from contextlib import ExitStack, suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from threading import RLock
+from threading import Lock, RLock
 from typing import Any, TypeAlias
 
 from torch import Tensor
@@ -92,6 +92,8 @@ class Page(Audience):
         """The scene that the command in hand has made so far, where it tells."""
         self.pictures: dict[Any, str] = {}
         """Small pictures of steps, and of looks of the first one, as addresses that hold them."""
+        self.drawing = Lock()
+        """Held by the one thread that makes pictures of looks."""
         self.about = 0.0
         """Seconds that the command in hand takes; 0 where that is not known."""
         self.worker = worker

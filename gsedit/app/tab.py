@@ -127,6 +127,7 @@ class Tab:
         self._faced: tuple[Path | None, bool] = (None, False)
         self._shown = DisplayState()
         self._preview: Gaussians | None = None
+        self._peek: Gaussians | None = None
         self._rough = self._stands = False
         self._tint: tuple[Tensor, tuple[float, float, float]] | None = None
         self._plain: Tensor | None = None
@@ -208,7 +209,8 @@ class Tab:
         if seen is not None and self._faced != (page.folder, page.has_scene):
             self._faced = page.folder, page.has_scene
             self._face(seen)
-        shown = self._preview if self._preview is not None or seen is None else seen.scene
+        own = None if seen is None else seen.scene
+        shown = next((each for each in (self._peek, self._preview) if each is not None), own)
         flags = self._marked()
         if flags is not None and (shown is None or len(flags) != len(shown)):
             flags = None
@@ -239,6 +241,11 @@ class Tab:
         """Show this scene in the place of the page's until the next step; None: that one again. In
         a `rough` one what is selected or named stays outlined."""
         self._preview, self._rough, self._stands = scene, rough, False
+        self.refresh()
+
+    def peek(self, scene: Gaussians | None) -> None:
+        """Show this scene in the place of all, while a key is held; None: no more."""
+        self._peek = scene
         self.refresh()
 
     def still(self, picture: np.ndarray) -> None:
@@ -273,7 +280,7 @@ class Tab:
 
     def new_scene(self) -> None:
         """Show the page's scene alone: it has changed."""
-        self._preview = self._tint = self._named = None
+        self._preview = self._peek = self._tint = self._named = None
         self._plain = self.page.selection
         self._shown = replace(self._shown, before=None)
         self.refresh()

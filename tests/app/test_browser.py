@@ -123,14 +123,37 @@ def test_messages_are_one_at_a_time_and_all_controls_have_names(scene, page):
     with served(page) as found, browser() as opened:
         window = opened(found.address)
         window.wait(lambda: "600 Gaussians" in window.text())
-        window.wait(lambda: window.run("!!document.querySelector('[data-box]')"))
+        window.wait(lambda: "Save the selection" in window.text())
         page.fail("the first did not work")
         window.wait(lambda: "the first" in window.text())
         page.fail("the second did not work")
         window.wait(lambda: "the second" in window.text() and "the first" not in window.text())
         assert window.run(_NAMELESS) == []
+        assert window.run(_FAINT) == []
 
 
+_FAINT = """(() => {
+  const rgb = (text) => text.match(/[\\d.]+/g)?.map(Number) ?? [0, 0, 0, 0];
+  const light = (c) => c.slice(0, 3).map((v) => v / 255)
+    .map((v) => (v <= 0.04 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4))
+    .reduce((sum, v, i) => sum + v * [0.2126, 0.7152, 0.0722][i], 0);
+  const behind = (each) => {
+    for (; each; each = each.parentElement) {
+      const color = rgb(getComputedStyle(each).backgroundColor);
+      if (color.length < 4 || color[3] > 0.9) return color;
+    }
+    return [36, 36, 36];
+  };
+  return [...document.querySelectorAll("body *")]
+    .filter((each) => each.offsetParent && !each.closest("[disabled],[role=alert]"))
+    .filter((each) => [...each.childNodes].some((n) => n.nodeType === 3 && n.data.trim()))
+    .map((each) => {
+      const [a, b] = [getComputedStyle(each).color, 0].map((c) => light(c ? rgb(c) : behind(each)));
+      return [(Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05), each.innerText];
+    })
+    .filter(([ratio]) => ratio < 4.5);
+})()"""
+"""Texts whose contrast is below that of WCAG's AA."""
 _NAMELESS = """[...document.querySelectorAll("button,input,select,textarea,canvas,[role=tab]")]
     .filter((each) => each.offsetParent !== null && each.type !== "file")
     .filter((each) => !(each.getAttribute("aria-label") || each.innerText?.trim()

@@ -35,11 +35,9 @@ def add(page: Page, tab: Tab) -> None:
         page.pictures[scene] = uri_of(eight_bits(drawn))
 
     def before(held: str) -> None:
-        if held == "0":
-            return tab.preview(None)
-        if page.document.position > 0:
-            tab.begin()
-            tab.preview(page.load(page.file_of(page.document.position - 1)).scene)
+        """Show the scene without its preview, or the step before, while a key is held."""
+        position = page.document.position - (not tab.previews)
+        tab.peek(page.load(page.file_of(max(position, 0))).scene if held == "1" else None)
 
     tab.on("step", lambda number: page.go_to(int(number)))
     tab.on("undo", lambda _: page.undo())
@@ -66,13 +64,14 @@ def strip_of(page: Page) -> str:
         )
         for i, each in enumerate(document.steps)
     ]  # fmt: skip
-    tools = [button("frame", "Frame", label="Frame what is selected (F)")]
+    tools = [
+        button("frame", "Frame", label="Frame what is selected (F)"),
+        '<button type="button" class="chip" data-hold="before">Hold: before (B)</button>',
+    ]
     if len(document.steps) > 1:
-        tools = [
+        tools += [
             button("undo", "Undo", label="Undo (Ctrl-Z)"),
             button("redo", "Redo", label="Redo (Ctrl-Y)"),
-            '<button type="button" class="chip" data-hold="before">Hold: before (B)</button>',
-            *tools,
         ]
     return f'<div class="strip">{"".join(cells)}</div><div class="told">{"".join(tools)}</div>'
 

@@ -31,7 +31,7 @@ LOOKS = {
     "marble": "turn it into marble", "glass": "turn it into glass",
     "night": "make it night", "sunset": "make it sunset", "fog": "make it foggy",
     "snow": "make it snow", "autumn": "autumn", "Van Gogh": "in the style of Van Gogh",
-    "watercolor": "in the style of watercolor", "comic": "in the style of comic",
+    "watercolor": "in the style of watercolor", "sketch": "in the style of a pencil sketch",
 }  # fmt: skip
 """Names of the looks that are shown, and their sentences."""
 PIXELS, GAUSSIANS = 112, 20_000
@@ -74,9 +74,14 @@ class Looks:
     def make(self, previewer: Previewer, wanted: Callable[[], bool]) -> None:
         """Make the pictures that are missing, of the scene as it is now, while it is `wanted`;
         of a merged one, which is quick."""
+        with self.page.drawing:
+            self.draw(previewer, wanted)
+
+    def draw(self, previewer: Previewer, wanted: Callable[[], bool]) -> None:
+        """Make them, as the only thread that does."""
         page, pictures = self.page, self.page.pictures
         missing = [name for name in LOOKS if name not in pictures]
-        if not missing or page.folder is None:
+        if not missing or page.folder is None or not wanted():
             return self.show()
         loaded = page.loaded
         merged = coarsen(loaded.scene, GAUSSIANS)
@@ -91,7 +96,8 @@ class Looks:
         file = None if subject is None or not subject.any() else region_file(subject, page.folder)
         camera = loaded.first_camera().fitted(PIXELS)
         makers = Previewer(small, None), Previewer(small, file)
-        for name in missing:
+        slow = lambda name: LOOKS[name].startswith("turn")  # noqa: E731 (reflections)
+        for name in sorted(missing, key=slow):
             if not wanted():
                 return
             with suppress(GseditError):
@@ -107,4 +113,5 @@ def looked(makers: tuple[Previewer, Previewer], sentence: str, camera: Any) -> n
     maker = makers[0] if whole else makers[1]
     if not maker.is_exact(reading):
         return maker.picture(reading, camera)
-    return eight_bits(render_picture(maker.scene(reading).scene, camera))
+    seen = camera if maker.is_partial(reading) else None
+    return eight_bits(render_picture(maker.scene(reading, seen).scene, camera))

@@ -60,16 +60,17 @@ class Say:
         self.text = gui.add_text(
             "Say what should change", "", hint="Enter applies it, Escape ends its preview."
         )
-        self.told = gui.add_html("")
+        self.told, self.state = gui.add_html(""), gui.add_html("")
         self.apply_button = gui.add_button("Apply", icon="check", visible=False)
         self.looks = Looks(page, tab)
-        self.text.on_update(tab.safely(lambda event: self.typed(event.client is not None)))
+        self.text.on_update(tab.safely(self.written))
         self.apply_button.on_click(tab.safely(lambda _: self.apply()))
         for kind in ("target", "name", "knob"):
             tab.on(kind, partial(self.turned, kind))
         tab.on("say", self.say)
         tab.on("apply", lambda _: self.apply())
         tab.on("end", lambda _: self.end())
+        tab.on("none", lambda _: page.select(None))
         tab.on("object", lambda number: self.choose(int(number)))
         page.listen(tab, "scene", self.forget)
         page.listen(tab, "selection", self.selected)
@@ -84,12 +85,17 @@ class Say:
         self.text.value = text
         self.typed()
 
+    def written(self, event: Any) -> None:
+        """Hear what a person, or `say`, has written."""
+        if event.client is not None:
+            self.tab.hush()
+        self.typed(event.client is not None)
+
     def typed(self, by_person: bool = True, pause: float = PAUSE) -> None:
         """Understand the sentence, show how, outline what it names, and preview it."""
         with self.reads:  # each change of the text is told in a thread of its own
             self.understand()
             if by_person:
-                self.tab.hush()
                 self.aim(pause)
             self.show()
 
@@ -115,19 +121,24 @@ class Say:
         if reading is None:
             chips = "".join(button(f"say {each}", escape(each)) for each in EXAMPLES)
             such = f'<div class="told">Such as {chips}</div>'
-            self.told.content = such if self.page.has_scene else ""
+            self.told.content, self.state.content = such if self.page.has_scene else "", ""
             return
         names = self.names()
         shown = escape(reading.refusal) or chips_of(
             reading, self.knobs, lambda each: read_called(each, names),
             selected=self.page.selection is not None,
         )  # fmt: skip
+        if self.page.selection is not None:
+            shown += button("none", "✕ the selection", label="Select nothing")
+        self.told.content = f'<div class="told">{shown}</div>'  # a list that is open stays open
         notes = f"<p>{escape(self.note)}</p>" if self.note else ""
-        self.told.content = f'<div class="told" role="status">{shown}{notes}{self.doing}</div>'
+        self.state.content = f'<div class="told" role="status">{notes}{self.doing}</div>'
 
     def turned(self, kind: str, told: str) -> None:
         """Say the sentence anew, with a chip ("0 VALUE") at another value."""
         number, _, value = told.partition(" ")
+        if kind == "target" and value == "scene" and self.page.selection is not None:
+            self.page.select(None)  # which would confine it
         if self.reading is not None:
             self.say(said(self.reading, self.knobs, f"{kind} {number}", value))
 
