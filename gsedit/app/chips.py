@@ -72,8 +72,7 @@ def _of(change: Change, target: str) -> Change:
 
 
 def _part(change: Change, *, selected: bool) -> str:
-    bare = selected and change.target == "subject" and not change.phrase
-    return "the selection" if bare else change.part
+    return "the selection" if selected and change.target == "subject" else change.part
 
 
 def _parts(reading: Reading, index: int, read: Reader) -> list[str]:

@@ -172,6 +172,9 @@ new MutationObserver(() => {
     const place = `left:${box.left}px;top:${box.top}px;width:${box.width}px;height:${box.height}px`;
     if (over.style.cssText !== place) over.style.cssText = place;
   }
+  for (const each of document.querySelectorAll('[role="alert"]')) {
+    if (each.innerText.startsWith("Received ")) each.querySelector("button")?.click(); // told by us
+  }
   for (const label of document.querySelectorAll("label[for]")) {
     const row = label.closest("div[class]")?.parentElement.parentElement;
     const name = label.textContent;

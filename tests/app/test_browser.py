@@ -145,7 +145,7 @@ _FAINT = """(() => {
     return [36, 36, 36];
   };
   return [...document.querySelectorAll("body *")]
-    .filter((each) => each.offsetParent && !each.closest("[disabled],[role=alert]"))
+    .filter((each) => each.offsetParent && !each.closest("[disabled]"))
     .filter((each) => [...each.childNodes].some((n) => n.nodeType === 3 && n.data.trim()))
     .map((each) => {
       const [a, b] = [getComputedStyle(each).color, 0].map((c) => light(c ? rgb(c) : behind(each)));
