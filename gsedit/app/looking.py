@@ -1,4 +1,4 @@
-"""Where a person looks from: the first view, one that frames a part; and where objects are seen.
+"""Views of a person: the first one, one that frames a part; and places at which objects are seen.
 
 `n` Gaussians; positions in world units, places in a picture as shares of its width and height.
 """

@@ -1,4 +1,4 @@
-"""Where a person looks from: what all cameras look at, what is framed, what is numbered."""
+"""Views of a person: what all cameras look at, what is framed, what is numbered."""
 
 from dataclasses import replace
 
