@@ -26,7 +26,7 @@ ABOVE = 0.3
 """Sine of the height over a subject that shows its top and front: 17 degrees."""
 BEFORE = 0.8
 """Least share of the cameras that have the place they look at before them."""
-ROOM = 1.3
+ROOM = 1.0
 """Radii of what is framed that fill the shorter side of the picture."""
 MARKS, MARK_SEEN, MARK_PIXELS = 9, 0.002, 256
 """Most objects that are numbered at once, one key each; least share of the picture that one fills;

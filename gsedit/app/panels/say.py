@@ -267,7 +267,17 @@ class Say:
                 if stopped.is_set() or not self.is_of_scene(previewer):  # meanwhile
                     tab.preview(None)
 
-            tab.soon(PREVIEW, work, then)
+            tab.soon(PREVIEW, tried(work), then)
+
+        def tried(work: Callable[[], Any]) -> Callable[[], Any]:
+            def called() -> Any:
+                try:
+                    return work()
+                except GseditError:
+                    self.end()  # nothing is drawn any more; the error is told
+                    raise
+
+            return called
 
         def begin() -> Any:
             return None if stopped.wait(pause) else previewer.glimpse(reading, flags)
