@@ -14,11 +14,12 @@ from typing import Any, Literal
 
 import numpy as np
 import torch
-from jaxtyping import Float, UInt8
+from jaxtyping import Bool, Float, UInt8
 from torch import Tensor
 
 from gsedit.formats.pictures import eight_bits
 from gsedit.pictures.maps import wipe
+from gsedit.select.region import Region, coverage
 from rasterizer.camera import Camera
 from rasterizer.numerics import DEFAULT, Numerics
 from rasterizer.render import render
@@ -28,6 +29,8 @@ BACKGROUND = (0.11, 0.12, 0.14)
 """Behind the scene: dark, and not the black of a hole."""
 LINE_PIXELS = 2
 """Width of the line between two scenes."""
+LINE, OUTLINE_SHARE = (1.0, 0.72, 0.1), 0.002
+"""Color of the line around what is selected or named, and its width in longer sides."""
 BESIDE_SCALE = 0.55
 """Size of things where two scenes share the width: between all of them, and as large as before."""
 
@@ -39,6 +42,8 @@ class DisplayState:
     """One or two scenes as a tab shows them."""
 
     scene: Gaussians | None = None
+    outlined: Bool[Tensor, " n"] | None = None
+    """Gaussians of the scene that a line is drawn around."""
     numerics: Numerics = DEFAULT
     before: Gaussians | None = None
     """The scene to compare with: on the left."""
@@ -68,7 +73,10 @@ def picture(shown: DisplayState, camera: Camera) -> UInt8[np.ndarray, "h w 3"]:
     if shown.scene is None:
         return np.broadcast_to(eight_bits(torch.tensor(BACKGROUND)), (height, width, 3)).copy()
     if shown.before is None:
-        return eight_bits(_drawn(shown, shown.scene, camera))
+        drawn = _drawn(shown, shown.scene, camera)
+        if shown.outlined is not None:
+            drawn = with_outline(drawn, coverage(Region(shown.outlined), shown.scene, camera))
+        return eight_bits(drawn)
     background = torch.tensor(BACKGROUND)
     if shown.way == "wipe":
         joined = wipe(
@@ -81,6 +89,19 @@ def picture(shown: DisplayState, camera: Camera) -> UInt8[np.ndarray, "h w 3"]:
     joined = torch.cat((left, right, torch.ones(height, width - 2 * half.width, 3)), 1)
     joined[:, max(half.width - LINE_PIXELS // 2, 0) : half.width + LINE_PIXELS // 2] = 1
     return eight_bits(joined)
+
+
+def with_outline(
+    picture: Float[Tensor, "h w 3"], share: Float[Tensor, "h w"]
+) -> Float[Tensor, "h w 3"]:
+    """The picture with a line around the pixels of which more than half is inside, seen on light
+    and on dark: LINE in a dark rim."""
+    inside = (share > 0.5).float()[None]
+    wide = max(round(max(share.shape) * OUTLINE_SHARE), 1)
+    for color, reach in ((torch.zeros(3), wide + 1), (torch.tensor(LINE), wide)):
+        grown = torch.nn.functional.max_pool2d(inside, 2 * reach + 1, 1, reach)
+        picture = torch.where((grown > inside)[0, ..., None], color.to(picture), picture)
+    return picture
 
 
 def _drawn(shown: DisplayState, scene: Gaussians, camera: Camera) -> Float[Tensor, "h w 3"]:

@@ -8,11 +8,13 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from threading import RLock
+from threading import Lock, RLock
 from typing import TYPE_CHECKING
 
 import torch
 
+from gsedit.app.looking import best_of, focus_of
+from gsedit.errors import GseditError
 from gsedit.formats.scenes import read_scene
 from gsedit.scene.cache import SceneCache
 from gsedit.scene.framing import Bounds, bounds, framing_camera, guess_up
@@ -118,6 +120,24 @@ class Loaded:
         return Finder(self.scene, self.viewpoints)
 
     @cached_property
+    def looking(self) -> Lock:
+        """Held by the one thread that looks for the objects."""
+        return Lock()
+
+    def ready(self) -> Finder:
+        """The finder, with the objects found: by one thread, for which the others wait."""
+        with self.looking, suppress(GseditError):  # whoever needs them will tell
+            if "objects" not in vars(self):
+                _ = self.finder.selector.segments, self.finder.segments
+                vars(self)["objects"] = True
+        return self.finder
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether the objects are found, so that a click is quick."""
+        return "objects" in vars(self)
+
+    @cached_property
     def cache(self) -> SceneCache:
         """Results about the scene that previews need alike."""
         return SceneCache(self.scene)
@@ -126,10 +146,17 @@ class Loaded:
         """Drop these results: they take more memory than the scene, and another one is shown."""
         self.__dict__.pop("cache", None)
 
+    @cached_property
+    def middle(self) -> torch.Tensor:
+        """The place that the recorded cameras look at, or the middle of the bulk; float64."""
+        found = focus_of([each.camera for each in self.recorded])
+        return torch.tensor(self.bulk.center, dtype=torch.float64) if found is None else found
+
     def first_camera(self) -> Camera:
-        """The camera of the first picture: of a recorded view, or one that frames the bulk."""
+        """The camera of the first picture: the recorded view that shows the middle best, or one
+        that frames the bulk."""
         if self.recorded:
-            return self.recorded[0].camera
+            return best_of([each.camera for each in self.recorded], self.middle, self.up())
         return framing_camera(self.scene)
 
     def up(self) -> torch.Tensor:

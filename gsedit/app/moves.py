@@ -11,7 +11,7 @@ ON_PAGE = {
     "select-less": ": select less; the handles under Tools move a whole scene",
     "select-part": ": select it by a click and say what changes there, or name the subject, the "
     "background or the whole scene",
-    "select-kind": ", or select 'the {kind}' by words",
+    "select-kind": ", or say 'the {kind}'",
     "look": "",
     "look-region": "",
     "objects": "; or click on it",

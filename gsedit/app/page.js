@@ -2,6 +2,7 @@
 // after another. A file of a folder is named KEY/FOLDER/PATH, and KEY/FOLDER/ when all are there.
 const KNOWN = /\.(SUFFIXES)$/i;
 const PAUSE = 50;
+const BOX = "Say what should change";
 let sending = Promise.resolve();
 
 const field = () => document.querySelector('input[type="file"]');
@@ -111,3 +112,82 @@ new MutationObserver(() => {
     box.style.height = `calc(100% - ${found.offsetHeight}px)`; // 0 once it is gone
   }).observe(found);
 }).observe(document, { childList: true, subtree: true });
+
+// Buttons and chips of the panels are plain HTML: what is pressed goes to a hidden field, by whose
+// value the page does it. A number makes every press another value.
+let presses = 0;
+const write = Object.getOwnPropertyDescriptor(HTMLInputElement.prototype, "value").set;
+
+function act(action) {
+  const label = [...document.querySelectorAll("label")].find((each) => each.textContent === "action");
+  const input = label?.closest("div[class]")?.parentElement.parentElement.querySelector("input");
+  if (!input) return;
+  write.call(input, `${action}\t${++presses}`);
+  input.dispatchEvent(new Event("input", { bubbles: true }));
+}
+
+const holds = (on) => act(`before ${on ? 1 : 0}`);
+const types = (target) => target.matches?.("input, textarea, select, [contenteditable]");
+addEventListener("click", (event) => {
+  const found = event.target.closest?.("button[data-do]");
+  if (found) act(found.dataset.do);
+});
+addEventListener("change", (event) => {
+  const { dataset, value } = event.target;
+  if (dataset?.do) act(`${dataset.do} ${value}`);
+});
+let held = false;
+function hold(on) {
+  if (held !== on) holds((held = on));
+}
+addEventListener("pointerdown", (event) => hold(!!event.target.closest?.("[data-hold]")));
+addEventListener("pointerup", () => hold(false));
+addEventListener("keydown", (event) => {
+  const button = event.target.closest?.("[data-hold]") && [" ", "Enter"].includes(event.key);
+  const plain = !event.ctrlKey && !event.metaKey && !event.altKey;
+  if (button || (event.key.toLowerCase() === "b" && plain && !types(event.target))) hold(true);
+  if (event.key === "Enter" && plain && event.target.closest?.("[data-box]")) act("apply");
+  if (event.key === "Escape" && event.target.closest?.("[data-box]")) act("end");
+});
+addEventListener("keyup", () => hold(false));
+
+// What is laid over the picture is moved out of the panel; fields and buttons get their names, for
+// they are known by their places alone.
+const over = document.createElement("div");
+over.id = "over";
+over.setAttribute("role", "group");
+over.setAttribute("aria-label", "objects of the scene");
+new MutationObserver(() => {
+  const canvas = document.querySelector("canvas");
+  if (canvas && !over.isConnected) document.body.append(over);
+  for (const each of document.querySelectorAll("canvas:not([aria-label])")) {
+    each.setAttribute("role", "img");
+    each.setAttribute("aria-label", "the scene: drag to turn, right drag to shift, wheel to zoom");
+  }
+  const laid = canvas && document.querySelector(".laid");
+  if (laid) {
+    const html = laid.innerHTML;
+    if (over.dataset.html !== html) over.innerHTML = over.dataset.html = html;
+    const box = canvas.getBoundingClientRect();
+    const place = `left:${box.left}px;top:${box.top}px;width:${box.width}px;height:${box.height}px`;
+    if (over.style.cssText !== place) over.style.cssText = place;
+  }
+  for (const each of document.querySelectorAll('[role="alert"]')) {
+    if (each.innerText.startsWith("Received ")) each.querySelector("button")?.click(); // told by us
+  }
+  for (const label of document.querySelectorAll("label[for]")) {
+    const row = label.closest("div[class]")?.parentElement.parentElement;
+    const name = label.textContent;
+    if (name === "action") row.hidden = true;
+    for (const field of row?.querySelectorAll("input, textarea") ?? []) {
+      if (!field.hasAttribute("aria-label")) field.setAttribute("aria-label", name);
+      if (name === BOX && !field.dataset.box) {
+        field.dataset.box = field.placeholder = "turn it into bronze";
+        row.classList.add("box-row");
+      }
+    }
+  }
+  for (const each of document.querySelectorAll("button:not([aria-label])")) {
+    if (!each.innerText.trim()) each.setAttribute("aria-label", each.title || "panel");
+  }
+}).observe(document, { childList: true, subtree: true, characterData: true });

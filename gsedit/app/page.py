@@ -8,7 +8,7 @@ from contextlib import ExitStack, suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from threading import RLock
+from threading import Lock, RLock
 from typing import Any, TypeAlias
 
 from torch import Tensor
@@ -90,6 +90,12 @@ class Page(Audience):
         """How the selection was found."""
         self.growing: Loaded | None = None
         """The scene that the command in hand has made so far, where it tells."""
+        self.pictures: dict[Any, str] = {}
+        """Small pictures of steps, and of looks of the first one, as addresses that hold them."""
+        self.drawing = Lock()
+        """Held by the one thread that makes pictures of looks."""
+        self.about = 0.0
+        """Seconds that the command in hand takes; 0 where that is not known."""
         self.worker = worker
         """Runs the command in hand."""
         worker.tell = self._worked
@@ -269,6 +275,7 @@ class Page(Audience):
         self.save()
         self._session.close()
         self._session, self.folder, self.selection = taken, folder, None
+        self.pictures.clear()
         self.document = Document()
 
     def _shown_file(self) -> Path | None:
@@ -282,9 +289,11 @@ class Page(Audience):
         return self.worker.busy
 
     def step(
-        self, verb: str, *arguments: str, title: str, after: Callable[[], None] | None = None
-    ) -> None:
-        """Run a verb on the current scene; its result becomes the next step.
+        self, verb: str, *arguments: str, title: str, after: Callable[[], None] | None = None,
+        about: float = 0.0,
+    ) -> None:  # fmt: skip
+        """Run a verb on the current scene, for `about` so many seconds (0: not known); its result
+        becomes the next step.
 
         The command is [verb, SCENE, *arguments, "-o", OUT]; `after` is called once the step is
         shown, in a thread. Raises UsageError where a command is in hand.
@@ -292,6 +301,7 @@ class Page(Audience):
         scene = self.scene_file
         assert self.folder is not None  # there is a scene
         self._begin(step_of(verb, scene, arguments, title, self.folder), after)
+        self.about = about
 
     def resume(self) -> None:
         """Do the step again that was in hand when the page was killed, from its last checkpoint
@@ -341,7 +351,7 @@ class Page(Audience):
             if pending not in (None, self.document.pending):
                 self.document = replace(self.document, pending=pending)
                 self.save()
-            self._checkpoint = checkpoint, 0
+            self._checkpoint, self.about = (checkpoint, 0), 0.0
             self.worker.begin(command, title, ended, partial(self._failed, pending))
 
     def _worked(self) -> None:

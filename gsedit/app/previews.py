@@ -12,22 +12,26 @@ from threading import Thread, get_native_id
 import numpy as np
 import torch
 from jaxtyping import UInt8
+from torch import Tensor
 
 from gsedit.app.frames import SMALL_SCENE
 from gsedit.app.loaded import Loaded, give_back
 from gsedit.app.reading import Reading, editor_2d, read
 from gsedit.editing.edit import change_steps
 from gsedit.editing.measure import Changed
-from gsedit.editing.parts import SUBJECT
-from gsedit.editing.plan import is_exact
+from gsedit.editing.parts import SUBJECT, aimed_at, find_parts
+from gsedit.editing.plan import is_exact, key_of
 from gsedit.editing.preview import drawn_region, preview_edited, shown_by
 from gsedit.errors import GseditError
 from gsedit.formats.pictures import eight_bits
 from gsedit.paper.settings import EditSettings
 from gsedit.run.events import returned
 from gsedit.select.finder import Finder, Names
+from gsedit.select.region import tinted
 from gsedit.select.saved import saved_files
+from gsedit.words.lexicon import materials
 from rasterizer.camera import Camera
+from rasterizer.scene import Gaussians
 
 SLOW_ROUTES = ("paint", "material")
 """Routes that are quicker where only the Gaussians of one view get their reflections."""
@@ -64,6 +68,31 @@ class Previewer:
         with self.loaded.cache.used():
             return returned(change_steps(self.finder, (reading.first,), shown=shown))
 
+    def target(self, reading: Reading) -> Tensor | None:
+        """Flags (n,) of what the first edit of a sentence changes; None for the whole scene, and
+        where only drawn pictures will tell. Raises UsageError as `find_parts`."""
+        assert reading.first is not None
+        steps = aimed_at((reading.first,), self.finder.region)
+        found = find_parts(steps, self.finder, editor_2d()).flags
+        flags = [found[key] for each in steps[0].changes if (key := key_of(each)) in found]
+        if not flags:
+            return None
+        union = torch.stack(flags).any(0)
+        return None if union.all() else union
+
+    def glimpse(self, reading: Reading, flags: Tensor | None) -> Gaussians | None:
+        """The scene about as the first change of a sentence makes it, at once: in its color, or
+        without what is removed; None where nothing is quicker than the preview itself."""
+        assert reading.first is not None
+        change, scene = reading.first.changes[0], self.loaded.scene
+        color = change.color or materials().get(change.name)
+        if flags is not None and (change.kind, change.name) == ("object", "remove"):
+            return scene[~flags]
+        if flags is None or change.route not in SLOW_ROUTES or color is None:
+            return None
+        r, g, b = (int(color[i : i + 2], 16) / 255 for i in (1, 3, 5))
+        return tinted(scene, flags, (r, g, b))
+
     def picture(self, reading: Reading, camera: Camera) -> UInt8[np.ndarray, "h w 3"]:
         """One view as the 2D editor draws it. Raises UsageError as `preview_edited` does."""
         assert reading.first is not None  # what is refused has no preview
@@ -78,10 +107,8 @@ class Previewer:
     def prepare(
         self, wanted: Callable[[], bool] = lambda: True, sentences: Sequence[str] = PREPARED
     ) -> None:
-        """Warm the caches: the subject; for small scenes also what the sentences need. Stop when it
-        is not `wanted`."""
-        with suppress(GseditError):  # the preview that needs it will tell
-            _ = self.finder.subject
+        """Warm the caches, for small scenes, with what the sentences need. Stop when it is not
+        `wanted`."""
         small = len(self.loaded.scene) <= SMALL_SCENE
         for sentence in sentences if small else ():
             with suppress(GseditError):
@@ -89,14 +116,21 @@ class Previewer:
                     self.scene(read(sentence), self.loaded.first_camera())
         give_back()
 
-    def prepare_behind(self, wanted: Callable[[], bool]) -> None:
-        """Prepare in a thread, behind all other work."""
+    def prepare_behind(
+        self, wanted: Callable[[], bool], first: Callable[[], None] = lambda: None
+    ) -> None:
+        """Find the objects and the subject in a thread; then do what is to be done `first`, and
+        prepare, behind all other work."""
 
         def work() -> None:
+            with suppress(GseditError):  # the preview that needs it will tell
+                _ = self.finder.subject
             if hasattr(os, "setpriority"):
                 with suppress(OSError):
                     # niceness, where threads have one: moving pictures come first
                     os.setpriority(os.PRIO_PROCESS, get_native_id(), 10)
+            if wanted():
+                first()
             self.prepare(wanted)
 
         Thread(target=work, daemon=True, name="prepare").start()
@@ -110,7 +144,7 @@ class Previewer:
     def finder(self) -> Finder:
         """Finds what sentences name, in all views, as the edit does it."""
         loaded, settings = self.loaded, self.settings
-        return loaded.finder.in_region(settings.region, self._names())
+        return loaded.ready().in_region(settings.region, self._names())
 
     def _names(self) -> Names:
         return Names(saved_files(self.loaded.file))

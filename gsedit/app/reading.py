@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cache
-from html import escape
 from pathlib import Path
 from typing import Literal
 
@@ -93,9 +92,6 @@ USUAL_COUNT = 148_625
 """Gaussians of the scene whose seconds are below."""
 SECONDS = {"tone": 1.0, "paint": 3.5, "material": 4.5, "light": 3.5, "scenery": 3.5, "object": 7.0}
 """Seconds of work by route for a scene of USUAL_COUNT Gaussians on two cores, nothing beside it."""
-DONE_BY = {"tone": "colors", "paint": "colors", "material": "colors and light", "light": "light",
-           "scenery": "weather", "object": "objects", "style": "painter"}  # fmt: skip
-"""Words for the routes of changes."""
 
 
 @dataclass(frozen=True)
@@ -117,17 +113,6 @@ class Reading:
     def seconds(self, count: int) -> float:
         """About how long the whole takes on a scene of so many Gaussians."""
         return sum(_seconds(change, count) for change in self.instruction.changes)
-
-    def html(self, count: int, *, selected: bool = False) -> str:
-        """The reading for a person: a line a change with its color, the way and the seconds."""
-        if self.refusal:
-            return f'<div style="{_BOX}">{escape(self.refusal)}</div>'
-        lines = [_line(change, selected=selected) for change in self.instruction.changes]
-        lines.append(f'<span style="opacity:.7">about {_rounded(self.seconds(count))} s</span>')
-        return f'<div style="{_BOX}">{"<br>".join(lines)}</div>'
-
-
-_BOX = "font-size:13px;line-height:1.5;padding:0 .75em .25em"
 
 
 def read(text: str, names: Iterable[str] = (), places: Places | None = None) -> Reading:
@@ -154,26 +139,7 @@ def editor_2d() -> Editor:
     return make_editor()
 
 
-def _line(change: Change, *, selected: bool) -> str:
-    said = str(change)
-    if selected and change.target == "subject" and not change.phrase:
-        said = said.replace("the subject", "the selection")
-    way = DONE_BY[change.route]
-    return f'{_swatch(change.color)}{escape(said)} <span style="opacity:.7">· {escape(way)}</span>'
-
-
-def _swatch(color: str | None) -> str:
-    if color is None:
-        return ""
-    box = "display:inline-block;width:.9em;height:.9em;border-radius:2px;margin-right:.4em"
-    return f'<span style="{box};background:{escape(color)};vertical-align:-.1em"></span>'
-
-
 def _seconds(change: Change, count: int) -> float:
     if change.route not in SECONDS:
         return 16.0  # of work of a 2D editor, whatever the size of the scene
     return SECONDS[change.route] * max(count, USUAL_COUNT / 10) / USUAL_COUNT
-
-
-def _rounded(seconds: float) -> str:
-    return f"{seconds:.0f}" if seconds >= 1.5 else f"{seconds:.1f}"

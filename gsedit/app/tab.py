@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import wraps
+from html import escape
 from math import atan, tan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,6 +16,7 @@ from torch import Tensor
 
 from gsedit.app.document import Eye
 from gsedit.app.frames import RESTING_QUALITY, DisplayState, LatestOnlyWorker, Painter, Way, picture
+from gsedit.app.looking import framed
 from gsedit.app.moves import on_page
 from gsedit.errors import GseditError
 from gsedit.select.region import tinted
@@ -72,6 +74,21 @@ def point_of(values: Any) -> tuple[float, float, float]:
     return x, y, z
 
 
+ACTION = "action"
+"""Label of the field, hidden by page.js, by which the page's own buttons tell what is asked for."""
+
+
+def button(action: str, inner: str, *, label: str = "", kind: str = "chip", style: str = "") -> str:
+    """HTML of a button for an action with its argument ("say make it snow"); `inner` is HTML, the
+    rest is text. Pictures need a `label`."""
+    named = f' aria-label="{escape(label)}" title="{escape(label)}"' if label else ""
+    shown = f' style="{escape(style)}"' if style else ""
+    return (
+        f'<button type="button" class="{kind}" data-do="{escape(action)}"{named}{shown}>{inner}'
+        "</button>"
+    )
+
+
 GO = (1.0, 0.25, 0.1)
 """Color of what would go."""
 
@@ -110,8 +127,20 @@ class Tab:
         self._faced: tuple[Path | None, bool] = (None, False)
         self._shown = DisplayState()
         self._preview: Gaussians | None = None
+        self._peek: Gaussians | None = None
+        self._rough = self._stands = False
         self._tint: tuple[Tensor, tuple[float, float, float]] | None = None
         self._plain: Tensor | None = None
+        self._named: Tensor | None = None
+        self._notice: Any = None
+        self.rested: Callable[[bool], None] = lambda rests: None
+        """Called after each picture: whether it is in full, as the view rests."""
+        self.begin: Callable[[], None] = lambda: None
+        """Called when something begins that a preview would be in the way of."""
+        self._over = self.gui.add_html("")
+        self._actions: dict[str, Callable[[str], None]] = {}
+        self._asked = self.gui.add_text(ACTION, "")
+        self._asked.on_update(self.safely(self._act))
         self.give_back: Callable[[], None] = lambda: None
         """Called by what has had the pointer: clicks select again, if they did."""
         self._pointers: list[tuple[str, Callable[[Any], None]]] = []
@@ -137,13 +166,15 @@ class Tab:
         near = None if seen is None else seen.bulk.near
         return camera_of(handle.wxyz, handle.position, handle.fov, size, near)
 
-    def _face(self, loaded: Loaded) -> None:
-        """Turn to a scene: its own upward direction, its first view or the remembered one."""
+    def _face(self, loaded: Loaded, *, anew: bool = False) -> None:
+        """Turn to a scene: its own upward direction, the remembered view or, `anew`, the first."""
         eye, handle = self.page.document.eye, self.client.camera
-        if eye is None or not self.page.has_scene:
-            camera, bulk = loaded.first_camera(), loaded.bulk
-            ahead = (camera.center.new_tensor(bulk.center) - camera.center) @ camera.forward
-            eye = eye_of(camera, max(float(ahead), 0.1 * bulk.radius))  # turns about the middle
+        if anew or eye is None or not self.page.has_scene:
+            camera, middle = loaded.first_camera(), loaded.middle
+            ahead = float((middle - camera.center) @ camera.forward.double())
+            eye = eye_of(camera, max(ahead, 0.1 * loaded.bulk.radius))
+            if ahead > 0:
+                eye = replace(eye, target=point_of(middle))  # which the view turns about
             wide = handle.image_height / max(handle.image_width, 1) * camera.width / camera.height
             fov = widened(eye.fov, max(wide, 1.0))  # a narrow window shows its width
             eye = replace(eye, up=point_of(loaded.up()))
@@ -154,6 +185,21 @@ class Tab:
             handle.near, handle.far = loaded.bulk.near, 100.0 * loaded.bulk.radius
             handle.position, handle.look_at = eye.position, eye.target
 
+    def frame(self) -> None:
+        """Look at what is selected, or named, from where the tab looks now, so that it fills the
+        picture; at the middle of the scene where nothing is."""
+        seen, handle = self.page.visible, self.client.camera
+        if seen is None:
+            return
+        flags, eye = self._marked(), handle_eye(handle)
+        if flags is None or len(flags) != len(seen.scene):
+            self._face(seen, anew=True)
+        else:
+            eye = framed(seen.scene, flags, eye)
+            with self.client.atomic():
+                handle.position, handle.look_at = eye.position, eye.target
+        self._painter.look()
+
     # -- what is shown
 
     def refresh(self) -> None:
@@ -163,38 +209,54 @@ class Tab:
         if seen is not None and self._faced != (page.folder, page.has_scene):
             self._faced = page.folder, page.has_scene
             self._face(seen)
-        shown = self._preview if self._preview is not None or seen is None else seen.scene
-        if shown is not None:
-            flags = self._marked()
-            if flags is not None and len(flags) == len(shown):
-                shown = tinted(shown, flags)
-            if self._tint is not None and len(self._tint[0]) == len(shown):
-                shown = tinted(shown, *self._tint)
+        own = None if seen is None else seen.scene
+        shown = next((each for each in (self._peek, self._preview) if each is not None), own)
+        flags = self._marked()
+        if flags is not None and (shown is None or len(flags) != len(shown)):
+            flags = None
+        if shown is not None and self._tint is not None and len(self._tint[0]) == len(shown):
+            shown = tinted(shown, *self._tint)
         numerics = DEFAULT if seen is None else seen.numerics
-        self._shown = replace(self._shown, scene=shown, numerics=numerics)
+        self._shown = replace(self._shown, scene=shown, outlined=flags, numerics=numerics)
         self._painter.again()
 
     def _marked(self) -> Tensor | None:
-        """Flags of what is colored as selected: nothing where its own color is to be seen, which is
-        in a preview, a comparison, and a new step until something else is selected."""
-        flags, bare = self.page.selection, self._preview is None and not self.compares
-        return flags if bare and self.page.growing is None and flags is not self._plain else None
+        """Flags of what is outlined, what is selected or else named: nothing where the scene itself
+        is to be seen, which is in a preview, a comparison, and a new step until then."""
+        flags = self._named if self.page.selection is None else self.page.selection
+        bare = (
+            (self._preview is None or self._rough)
+            and not self.compares
+            and self.page.growing is None
+        )
+        return flags if bare and flags is not self._plain else None
 
-    def preview(self, scene: Gaussians | None, note: str = "") -> None:
-        """Show this scene in the place of the page's until the next step; None: that one again."""
-        self._preview = scene
-        if note:
-            self.tell(note)
+    def name(self, flags: Tensor | None) -> None:
+        """Outline what a sentence names, where nothing is selected; None: no more."""
+        if flags is not self._named:
+            self._named = flags
+            self.refresh()
+
+    def preview(self, scene: Gaussians | None, *, rough: bool = False) -> None:
+        """Show this scene in the place of the page's until the next step; None: that one again. In
+        a `rough` one what is selected or named stays outlined."""
+        self._preview, self._rough, self._stands = scene, rough, False
+        self.refresh()
+
+    def peek(self, scene: Gaussians | None) -> None:
+        """Show this scene in the place of all, while a key is held; None: no more."""
+        self._peek = scene
         self.refresh()
 
     def still(self, picture: np.ndarray) -> None:
         """Show a picture (h w 3, uint8) of the current view until the view moves."""
+        self._stands = True
         self._send(picture, RESTING_QUALITY)
 
     @property
     def previews(self) -> bool:
         """Whether the tab shows a preview."""
-        return self._preview is not None
+        return self._preview is not None or self._stands
 
     def tint(self, flags: Tensor | None, color: tuple[float, float, float] = GO) -> None:
         """Color Gaussians beside the selection, as what a cleaning would remove; None: no more."""
@@ -218,7 +280,7 @@ class Tab:
 
     def new_scene(self) -> None:
         """Show the page's scene alone: it has changed."""
-        self._preview = self._tint = None
+        self._preview = self._peek = self._tint = self._named = None
         self._plain = self.page.selection
         self._shown = replace(self._shown, before=None)
         self.refresh()
@@ -249,12 +311,12 @@ class Tab:
         if name is None:
             return
         if click is not None:
-            handler = self.safely(lambda event: click(self._pick(event)))
+            handler = self.safely(lambda event: (self.begin(), click(self._pick(event))))
             for each in modifiers:
                 scene.on_click(modifier=each)(handler)
             self._pointers.append(("click", handler))
         if box is not None:
-            drawn = self.safely(lambda event: box(self._box(event)))
+            drawn = self.safely(lambda event: (self.begin(), box(self._box(event))))
             scene.on_rect_select(modifier="shift")(drawn)
             self._pointers.append(("box", drawn))
 
@@ -292,9 +354,24 @@ class Tab:
 
         return called
 
+    def on(self, action: str, function: Callable[[str], None]) -> None:
+        """Call a function when what `button` made for an action is pressed, with its argument."""
+        self._actions[action] = function
+
+    def _act(self, event: Any) -> None:
+        action, _, argument = self._asked.value.partition("\t")[0].partition(" ")
+        if event.client is not None and action in self._actions:
+            self._actions[action](argument)
+
+    def over(self, html: str) -> None:
+        """Lay controls over the picture, at places in shares of its size; "": nothing."""
+        laid = f'<div class="laid">{html}</div>'  # page.js moves it
+        if self._over.content != laid:
+            self._over.content = laid
+
     def tell(self, text: str) -> None:
-        """Say something that goes away by itself."""
-        self._say("gsedit", text, "blue", 6.0)  # errors stay until they are closed
+        """Say something that goes away by itself, in the place of what was said before."""
+        self._say("gsedit", text, "blue", 6.0)
 
     def fail(self, error: Exception | str) -> None:
         """Say what went wrong, in the error's own sentence."""
@@ -303,11 +380,20 @@ class Tab:
         if not known:
             kind = type(error).__name__
             text = f"internal error ({kind}: {text}); what was done before is kept"
-        self._say("That did not work", text, "red", None)
+        self._say("That did not work", text, "red", 6.0 + 0.06 * len(text))  # as long as one reads
 
-    def _say(self, title: str, text: str, color: Any, seconds: float | None) -> None:
+    def _say(self, title: str, text: str, color: Any, seconds: float) -> None:
         if not self.closed:
-            self.client.add_notification(title, text, color=color, auto_close_seconds=seconds)
+            self.hush()
+            self._notice = self.client.add_notification(
+                title, text, color=color, auto_close_seconds=seconds
+            )
+
+    def hush(self) -> None:
+        """Take away what was said last: something else has begun."""
+        notice, self._notice = self._notice, None
+        if notice is not None and not self.closed:
+            notice.remove()
 
     def download(self, path: Path) -> None:
         """Offer a file to the browser."""
@@ -336,8 +422,10 @@ class Tab:
         return picture(self._shown, camera)
 
     def _send(self, drawn: Any, quality: int) -> None:
-        if quality == RESTING_QUALITY:
+        rests = quality == RESTING_QUALITY
+        if rests:
             self.page.look(handle_eye(self.client.camera))
         if not self.closed:
             self.client.scene.set_background_image(drawn, format="jpeg", jpeg_quality=quality)
             self.client.flush()
+            self.rested(rests)

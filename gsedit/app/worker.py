@@ -38,10 +38,13 @@ class Work:
         return None if event is None or not event.steps else min(event.step / event.steps, 1.0)
 
     def describe(self) -> str:
-        """One line: the work, how far it is, and since when."""
+        """One line: the work, how far it is, since when, and how long still, where it knows."""
         stage = "" if self.event is None else self.event.stage
         count = "" if not self.share else f" {100 * self.share:.0f} %"
-        return f"{self.title}: {stage}{count}, {self.watch.seconds:.0f} s".replace(": ,", ",")
+        known = self.event is not None and self.event.left is not None
+        left = f", about {self.event.left:.0f} s left" if self.event and known else ""
+        line = f"{self.title}: {stage}{count}, {self.watch.seconds:.0f} s{left}"
+        return line.replace(": ,", ",")
 
 
 _EVENT_FIELDS = frozenset(each.name for each in fields(Event))

@@ -362,7 +362,7 @@ def split_touching(
         if not len(joints):
             break
         narrow = times / np.sqrt(np.minimum(size[joints[:, 0]], size[joints[:, 1]]))
-        narrow[joints_of(group[piece[pairs]], count, smooth)[1] >= SMOOTH * times] += 1000
+        narrow[joints_of(group[piece[pairs]], count, 1 * smooth)[1] >= SMOOTH * times] += 1000
         hangs = foot[joints].min(1) < LEAST_FOOT
         narrow[hangs] += 1000  # what does not stand is of what it hangs on, most of all
         best = int(narrow.argmax())

@@ -8,6 +8,7 @@ from page_browser import CTRL, browser, chromium
 from pages import make_page, served
 
 from gsedit.app.opening import open_path
+from gsedit.app.previews import Previewer
 from gsedit.formats.scenes import read_scene
 
 pytestmark = pytest.mark.skipif(chromium() is None, reason="there is no Chromium to open")
@@ -35,7 +36,6 @@ def test_open_click_type_apply_undo_and_export(scene, tmp_path):
 
 
 def select(window, page):
-    window.press("Select")
     window.wait(lambda: page.tabs and page.tabs[0].pointer_name == "select")
     window.wait(lambda: window.run("!!document.querySelector('canvas')"))
     x, y = canvas_middle(window)
@@ -55,9 +55,8 @@ def clicked(window, page, x, y):
 
 
 def edit(window, page):
-    window.press("Say")
-    window.write("", "paint it red")
-    window.wait(lambda: "about" in window.text())  # how it is understood, and how long it takes
+    window.write("Say what should change", "paint it red")
+    window.wait(lambda: "painted red" in window.text())  # how it is understood
     window.press("Apply")
     window.wait(lambda: page.document.position == 1, 40)
     window.wait(lambda: "paint it red" in window.text())
@@ -90,13 +89,85 @@ def inside(address, port):
     return address.startswith(("data:", "blob:", "about:")) or f"://127.0.0.1:{port}" in address
 
 
+def test_a_sentence_is_outlined_previewed_and_ended_by_what_begins(scene, page, monkeypatch):
+    half = lambda self, _: self.loaded.scene.means[:, 0] > 0  # noqa: E731
+    monkeypatch.setattr(Previewer, "target", half)
+    open_path(page, scene)
+    with served(page) as found, browser() as opened:
+        window = opened(found.address)
+        window.wait(lambda: "600 Gaussians" in window.text())
+        tab = page.tabs[0]
+        window.write("Say what should change", "paint it red")
+        window.wait(lambda: "Not this?" in window.text())
+        window.wait(lambda: tab.previews)
+        window.wait(lambda: window.run("document.querySelectorAll('#over button').length"))
+        press_escape(window)
+        window.wait(lambda: not tab.previews)
+        assert tab._marked() is not None  # what was named is outlined still
+        press = "(() => { const b = document.querySelector('#over button'); b?.click(); })()"
+        window.wait(lambda: window.run(press) or window.sleep(0.2) or page.selection is not None)
+        window.wait(lambda: tab.previews)  # the sentence, of what is selected now
+        page.select(~page.selection, "the others")
+        assert not tab.previews
+        assert not window.errors
+
+
+def press_escape(window):
+    window.run("document.querySelector('[data-box]').focus()")
+    for kind in ("keyDown", "keyUp"):
+        window.call("Input.dispatchKeyEvent", type=kind, key="Escape", windowsVirtualKeyCode=27)
+
+
+def test_messages_are_one_at_a_time_and_all_controls_have_names(scene, page):
+    open_path(page, scene)
+    with served(page) as found, browser() as opened:
+        window = opened(found.address)
+        window.wait(lambda: "600 Gaussians" in window.text())
+        window.wait(lambda: "Save the selection" in window.text())
+        page.fail("the first did not work")
+        window.wait(lambda: "the first" in window.text())
+        page.fail("the second did not work")
+        window.wait(lambda: "the second" in window.text() and "the first" not in window.text())
+        assert window.run(_NAMELESS) == []
+        assert window.run(_FAINT) == []
+
+
+_FAINT = """(() => {
+  const rgb = (text) => text.match(/[\\d.]+/g)?.map(Number) ?? [0, 0, 0, 0];
+  const light = (c) => c.slice(0, 3).map((v) => v / 255)
+    .map((v) => (v <= 0.04 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4))
+    .reduce((sum, v, i) => sum + v * [0.2126, 0.7152, 0.0722][i], 0);
+  const behind = (each) => {
+    for (; each; each = each.parentElement) {
+      const color = rgb(getComputedStyle(each).backgroundColor);
+      if (color.length < 4 || color[3] > 0.9) return color;
+    }
+    return [36, 36, 36];
+  };
+  return [...document.querySelectorAll("body *")]
+    .filter((each) => each.offsetParent && !each.closest("[disabled]"))
+    .filter((each) => [...each.childNodes].some((n) => n.nodeType === 3 && n.data.trim()))
+    .map((each) => {
+      const [a, b] = [getComputedStyle(each).color, 0].map((c) => light(c ? rgb(c) : behind(each)));
+      return [(Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05), each.innerText];
+    })
+    .filter(([ratio]) => ratio < 4.5);
+})()"""
+"""Texts whose contrast is below that of WCAG's AA."""
+_NAMELESS = """[...document.querySelectorAll("button,input,select,textarea,canvas,[role=tab]")]
+    .filter((each) => each.offsetParent !== null && each.type !== "file")
+    .filter((each) => !(each.getAttribute("aria-label") || each.innerText?.trim()
+        || each.labels?.length || each.title))
+    .map((each) => each.outerHTML.slice(0, 200))"""
+
+
 def test_a_window_as_small_as_a_phone_can_be_used_by_touch(scene, page):
     open_path(page, scene)
     with served(page) as found, browser() as opened:
         window = opened(found.address, (390, 844))
         window.call("Emulation.setTouchEmulationEnabled", enabled=True, maxTouchPoints=2)
         window.wait(lambda: "600 Gaussians" in window.text())
-        window.press("History")
+        window.press("Tools")
         window.wait(lambda: "side by side" in window.text())
         assert window.run("document.documentElement.scrollWidth") <= 390
         x, y = window.wait(lambda: above_the_panel(window))

@@ -38,7 +38,7 @@ def add(page: Page, tab: Tab) -> None:
     again = gui.add_button("Go on with what was interrupted", icon="player-play", visible=False)
     show_photos = add_photos(page, tab)
     show_earlier = add_earlier(page, tab)
-    upload = gui.add_upload_button("Open files, or drop them here", icon="upload")
+    upload = gui.add_upload_button("Open files, or drop them here", icon="upload", color="gray")
 
     def show_state() -> None:
         pending = page.document.pending
@@ -53,7 +53,8 @@ def add(page: Page, tab: Tab) -> None:
         work = page.busy
         doing.visible = bar.visible = cancel.visible = work is not None
         if work is not None:
-            doing.content = f"**{work.describe()}**\n\n{plain(work.line)}"
+            of = f" of about {page.about:.0f} s" if page.about else ""
+            doing.content = f"**{work.describe()}{of}**\n\n{plain(work.line)}"
             bar.value = 100 * (work.share or 0.0)
         show_state()
 

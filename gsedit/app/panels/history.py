@@ -1,130 +1,80 @@
-"""The history: every step, back to any, and two results compared."""
+"""The history as a strip of pictures, each one click to go back; undo, redo, the step before."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from html import escape
+from typing import TYPE_CHECKING
 
-from gsedit.errors import UsageError
+from gsedit.app.panels.looks import uri_of
+from gsedit.app.tab import button
+from gsedit.formats.pictures import eight_bits
+from gsedit.scene.picture import render_picture
 
 if TYPE_CHECKING:
     from gsedit.app.page import Page
     from gsedit.app.tab import Tab
 
-ONE, WIPE, BESIDE = "one scene", "wipe", "side by side"
-BEFORE = "the step before"
-NOTHING = "—"
+PIXELS = 96
+"""Longer side of the picture of a step."""
 
 
 def add(page: Page, tab: Tab) -> None:
-    """Add the list of steps, Undo and Redo, and the comparison of two of them."""
-    add_steps(page, tab)
-    add_comparison(page, tab)
-    add_discard(page, tab)
+    """Add the strip, its buttons and their keys."""
+    strip = tab.gui.add_html("")
+
+    def show() -> None:
+        strip.content = strip_of(page)
+        missing = [each.scene for each in page.document.steps if each.scene not in page.pictures]
+        if missing:
+            tab.soon("strip", lambda: draw(missing[-1]), lambda _: show())
+
+    def draw(scene: str) -> None:
+        assert page.folder is not None
+        camera = page.load(page.file_of(0)).first_camera().fitted(PIXELS)
+        drawn = render_picture(page.load(page.folder / scene).scene, camera)
+        page.pictures[scene] = uri_of(eight_bits(drawn))
+
+    def before(held: str) -> None:
+        """Show the scene without its preview, or the step before, while a key is held."""
+        position = page.document.position - (not tab.previews)
+        tab.peek(page.load(page.file_of(max(position, 0))).scene if held == "1" else None)
+
+    tab.on("step", lambda number: page.go_to(int(number)))
+    tab.on("undo", lambda _: page.undo())
+    tab.on("redo", lambda _: page.redo())
+    tab.on("before", before)
+    tab.on("frame", lambda _: tab.frame())
     tab.key("Undo", "Z", page.undo, "cmd/ctrl")
     tab.key("Redo", "Y", page.redo, "cmd/ctrl")
-    tab.key("Before / after", "B", lambda: flip(page, tab))
-
-
-def add_steps(page: Page, tab: Tab) -> None:
-    """Add the list of steps, which goes to any of them."""
-    buttons = tab.gui.add_button_group("", ("Undo", "Redo"))
-    steps = tab.gui.add_dropdown("step", (NOTHING,))
-    how = tab.gui.add_markdown("")
-
-    def show() -> None:
-        document = page.document
-        names = step_names(page)
-        steps.options = names
-        steps.value = names[max(document.position, 0)]
-        command = document.current.command if document.current else ()
-        how.content = f"`{commanded(command)}`" if command else ""
-
-    @buttons.on_click
-    @tab.safely
-    def _(_: Any) -> None:
-        page.undo() if buttons.value == "Undo" else page.redo()
-
-    @steps.on_update
-    @tab.safely
-    def _(event: Any) -> None:
-        if event.client is not None and steps.value != NOTHING:  # a person, not `show`
-            try:
-                page.go_to(number_of(steps.value))
-            finally:
-                show()  # the step that is shown, also where the other was refused
-
+    tab.key("Frame what is selected", "F", tab.frame)
     page.listen(tab, "document", show)
     show()
 
 
-def add_discard(page: Page, tab: Tab) -> None:
-    """Add the button that deletes what undone steps take on the disk, pressed twice."""
-    discard = tab.gui.add_button("", icon="trash", color="gray", visible=False)
-    sure = False
-
-    def ask(again: bool) -> None:
-        nonlocal sure
-        found, sure = page.undone(), again
-        discard.visible = bool(found.folders)
-        what = f"undone steps, {found.size / 1e6:,.0f} MB"
-        discard.label = f"Press again: delete {what}" if sure else f"Delete {what}"
-
-    discard.on_click(tab.safely(lambda _: page.discard_undone() if sure else ask(True)))
-    page.listen(tab, "document", lambda: ask(False))
-    ask(False)
-
-
-def add_comparison(page: Page, tab: Tab) -> None:
-    """Add the ways to see two steps at once."""
-    ways = tab.gui.add_button_group("show", (ONE, WIPE, BESIDE))
-    other = tab.gui.add_dropdown("left", (BEFORE,))
-    line = tab.gui.add_slider("line", min=0.0, max=1.0, step=0.01, initial_value=0.5)
-
-    def compare() -> None:
-        if ways.value == ONE:
-            return tab.compare(None)
-        if len(page.document.steps) < 2:
-            raise UsageError("there is nothing to compare with: say a change first, and apply it")
-        position = page.document.position - 1
-        if other.value != BEFORE:
-            position = number_of(other.value)
-        before = page.load(page.file_of(max(position, 0))).scene
-        tab.compare(before, "wipe" if ways.value == WIPE else "beside", line.value)
-
-    def show() -> None:
-        other.options = (BEFORE, *step_names(page))
-
-    def later(_: Any) -> None:
-        tab.soon("compare", compare, lambda _: None)
-
-    ways.on_click(tab.safely(later))
-    other.on_update(tab.safely(lambda _: later(_) if tab.compares else None))
-    line.on_update(tab.safely(lambda _: tab.wipe(line.value)))
-    page.listen(tab, "document", show)
-    show()
+def strip_of(page: Page) -> str:
+    """HTML of the strip: a picture a step, the one that is shown marked, and the buttons."""
+    document, known = page.document, page.pictures
+    if not document.steps:
+        return ""
+    cells = [
+        button(
+            f"step {i}", f'<img alt="" src="{known[each.scene]}">{escape(each.title[:SHOWN])}'
+            if each.scene in known else escape(each.title[:SHOWN]),
+            kind="step now" if i == document.position else "step", label=f"{i}: {each.title}",
+        )
+        for i, each in enumerate(document.steps)
+    ]  # fmt: skip
+    tools = [
+        button("frame", "Frame", label="Frame what is selected (F)"),
+        '<button type="button" class="chip" data-hold="before">Hold: before (B)</button>',
+    ]
+    if len(document.steps) > 1:
+        tools += [
+            button("undo", "Undo", label="Undo (Ctrl-Z)"),
+            button("redo", "Redo", label="Redo (Ctrl-Y)"),
+        ]
+    return f'<div class="strip">{"".join(cells)}</div><div class="told">{"".join(tools)}</div>'
 
 
-def flip(page: Page, tab: Tab) -> None:
-    """Show the step before, or the current one again."""
-    if tab.previews:
-        return tab.preview(None)
-    tab.preview(page.load(page.file_of(max(page.document.position - 1, 0))).scene)
-
-
-def step_names(page: Page) -> tuple[str, ...]:
-    """The steps with their numbers, in order."""
-    names = tuple(f"{i}: {each.title}" for i, each in enumerate(page.document.steps))
-    return names or (NOTHING,)
-
-
-def number_of(name: str) -> int:
-    """The number of a step's name."""
-    return int(name.split(":")[0])
-
-
-def commanded(command: tuple[str, ...]) -> str:
-    """A command line as one would type it, without the places of the scene and the result."""
-    words = [command[0], *command[2:]]
-    if "-o" in words:
-        del words[words.index("-o") : words.index("-o") + 2]
-    return "gsedit " + " ".join(f'"{each}"' if " " in each else each for each in words)
+SHOWN = 24
+"""Letters of a step's title below its picture; the whole is told beside the pointer."""

@@ -1,22 +1,30 @@
-"""A sentence: how it is understood while it is typed, its amounts to turn, preview, apply; and
-painting styles, each on the current view."""
+"""The one box: a sentence, how it is understood, what it names on the picture, its preview, apply.
+
+What a key begins, the next key ends: the outline of what is named comes first, then a glimpse of
+the change, then the change itself.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from html import escape
 from pathlib import Path
-from threading import RLock
+from threading import Event, RLock
 from typing import TYPE_CHECKING, Any
 
+from torch import Tensor
+
+from gsedit.app.chips import chips_of, said
+from gsedit.app.looking import marks
+from gsedit.app.moves import on_page
+from gsedit.app.panels.looks import Looks
 from gsedit.app.previews import Previewer
-from gsedit.app.reading import LEAST, Knob, Reading, knobs_of, read, turned
-from gsedit.errors import UsageError
-from gsedit.scene.picture import render_picture
+from gsedit.app.reading import Knob, Reading, knobs_of, read
+from gsedit.app.tab import button
+from gsedit.errors import GseditError, UsageError
 from gsedit.select.saved import saved_files
 from gsedit.words.called import read_called
-from gsedit.words.instruction import MORE, Change, sentence_of
-from gsedit.words.lexicon import styles
 
 if TYPE_CHECKING:
     from gsedit.app.page import Page
@@ -24,13 +32,15 @@ if TYPE_CHECKING:
 
 
 EXAMPLES = (
-    "turn it into bronze", "paint it glossy red", "make it night", "make it snow",
-    "a thick layer of snow on it", "make it half the size", "remove it", "autumn",
-    "like Van Gogh",
+    "turn it into bronze", "paint it glossy red", "make it night", "make it half the size",
+    "remove it", "in the style of Van Gogh",
 )  # fmt: skip
-PREVIEW = "preview"
-STEP = 0.01
-"""Least turn of an amount."""
+AIM, PREVIEW, MARK = "aim", "preview", "mark"
+"""Keys of the work that finds what is named, that draws its change, and that numbers objects."""
+PAUSE, PAUSE_SELECTED = 0.35, 1.2
+"""Seconds without a key after which a preview begins; and after a click, to see what it took."""
+TOLD = 1.0
+"""Seconds of work from which it is said how long it takes."""
 
 
 class Say:
@@ -40,111 +50,165 @@ class Say:
         """Add the controls to the tab."""
         self.page, self.tab, gui = page, tab, tab.gui
         self.reading: Reading | None = None
+        self.knobs: tuple[Knob, ...] = ()
         self.reads, self.makes = RLock(), RLock()
         self.previewers: dict[tuple[Path, Path | None], Previewer] = {}
         """Previews by the files of the scene and of what is selected; None: nothing."""
-        self.knobs: tuple[Knob, ...] = ()
-        self.handles: list[Any] = []
-        self.text = gui.add_text("say", "", hint="What should change, as in “turn it into bronze”.")
-        self.told = gui.add_html(_HELP)
-        self.folder = gui.add_folder("amounts", visible=False)
-        self.tones = self.add_tones()
-        self.styles = Styles(self)
-        self.buttons = gui.add_button_group("", ("Preview", "Apply"))
-        self.waits = gui.add_markdown("*Working on the preview…*", visible=False)
-        self.back = gui.add_button("End the preview", icon="arrow-back", visible=False)
-        self.text.on_update(tab.safely(lambda event: self.typed(event.client is not None)))
-        self.buttons.on_click(tab.safely(self.pressed))
-        self.back.on_click(tab.safely(lambda _: self.end()))
+        self.stopped = Event()
+        """Whether the preview in hand is not wanted any more."""
+        self.note, self.doing, self.marked = "", "", False
+        self.text = gui.add_text(
+            "Say what should change", "", hint="Enter applies it, Escape ends its preview."
+        )
+        self.told, self.state = gui.add_html(""), gui.add_html("")
+        self.apply_button = gui.add_button("Apply", icon="check", visible=False)
+        self.looks = Looks(page, tab)
+        self.text.on_update(tab.safely(self.written))
+        self.apply_button.on_click(tab.safely(lambda _: self.apply()))
+        for kind in ("target", "name", "knob"):
+            tab.on(kind, partial(self.turned, kind))
+        tab.on("say", self.say)
+        tab.on("apply", lambda _: self.apply())
+        tab.on("end", lambda _: self.end())
+        tab.on("none", lambda _: page.select(None))
+        tab.on("object", lambda number: self.choose(int(number)))
         page.listen(tab, "scene", self.forget)
         page.listen(tab, "selection", self.selected)
-        tab.key("Preview the sentence", "P", self.preview, "cmd/ctrl")
+        tab.begin, tab.rested = self.end, self.rested
         tab.key("Apply the sentence", "enter", self.apply, "cmd/ctrl")
         self.forget()
 
-    def add_tones(self) -> dict[str, Any]:
-        """Sliders of the whole scene's tones, or the selection's: they write the sentence."""
-        sliders = {}
-        with self.tab.gui.add_folder("tone", expand_by_default=False):
-            for name, (more, less) in MORE.items():
-                label = f"{less} / {more}"
-                sliders[name] = self.tab.gui.add_slider(label, -LEAST, 1.0, STEP, 0.0)
-        for slider in sliders.values():
-            slider.on_update(self.tab.safely(self.toned))
-        return sliders
-
-    def toned(self, event: Any) -> None:
-        """Say what the tone sliders are at, and preview it."""
-        if event.client is None:  # `applied`, not a person
-            return
-        target = "scene" if self.page.selection is None else "subject"
-        values = {name: slider.value for name, slider in self.tones.items() if slider.value}
-        changes = [Change(target, "tone", k, None, v, "tone") for k, v in values.items()]
-        self.text.value = sentence_of(changes) or ""
-        self.typed()
-        self.preview() if changes else self.end()
-
     # -- reading
 
-    def typed(self, by_person: bool = True) -> None:
-        """Understand the sentence, and show how."""
+    def say(self, text: str) -> None:
+        """Take a sentence that was chosen."""
+        self.text.value = text
+        self.typed()
+
+    def written(self, event: Any) -> None:
+        """Hear what a person, or `say`, has written."""
+        if event.client is not None:
+            self.tab.hush()
+        self.typed(event.client is not None)
+
+    def typed(self, by_person: bool = True, pause: float = PAUSE) -> None:
+        """Understand the sentence, show how, outline what it names, and preview it."""
         with self.reads:  # each change of the text is told in a thread of its own
-            self.understand(by_person)
+            self.understand()
+            if by_person:
+                self.aim(pause)
+            self.show()
 
-    def understand(self, by_person: bool) -> None:
+    def understand(self) -> None:
         """Read the text as it is now."""
-        text = self.text.value.strip(" -–—•")  # of a list that was pasted; "-" begins an option
-        if not text:
-            self.reading, self.told.content = None, _HELP
-            return self.turn_out(())
-        page = self.page
-        names = tuple(saved_files(page.scene_file)) if page.has_scene else ()
-        self.reading = read(text, names, page.places)
-        count = len(page.scene) if page.has_scene else 0
-        self.told.content = self.reading.html(count, selected=page.selection is not None)
-        if by_person:
-            self.turn_out(knobs_of(self.reading.instruction, lambda each: read_called(each, names)))
+        text, page = self.text.value.strip(" -–—•"), self.page  # "-" begins a list that was pasted
+        names = self.names()
+        self.reading = read(text, names, page.places) if text else None
+        self.knobs = ()
+        if self.reading is not None:
+            self.knobs = knobs_of(self.reading.instruction, lambda each: read_called(each, names))
 
-    def turn_out(self, knobs: tuple[Knob, ...]) -> None:
-        """Show these knobs in the place of the earlier ones."""
-        if [_shape(each) for each in knobs] != [_shape(each) for each in self.knobs]:
-            for handle in self.handles:
-                handle.remove()
-            with self.folder:
-                self.handles = [self.handle_of(i, knob) for i, knob in enumerate(knobs)]
-        else:
-            for handle, knob in zip(self.handles, knobs, strict=True):
-                handle.value = _value_of(knob)
-        self.knobs = knobs
-        self.folder.visible = bool(knobs)
+    def names(self) -> tuple[str, ...]:
+        """Names of the saved selections."""
+        return tuple(saved_files(self.page.scene_file)) if self.page.has_scene else ()
 
-    def handle_of(self, number: int, knob: Knob) -> Any:
-        """The control of a knob."""
-        gui, value = self.tab.gui, _value_of(knob)
-        if knob.kind == "amount":
-            handle = gui.add_slider(knob.label, knob.low, knob.high, STEP, value)
-        elif knob.kind == "color":
-            handle = gui.add_rgb(knob.label, value)
-        else:
-            marks = tuple(enumerate(knob.choices))
-            handle = gui.add_slider(knob.label, 0, len(marks) - 1, 1, value, marks=marks)
-
-        def turn(event: Any) -> None:
-            if event.client is not None:  # a person, not `turn_out`
-                self.turned(number, handle.value)
-
-        handle.on_update(self.tab.safely(turn))
-        return handle
-
-    def turned(self, number: int, value: Any) -> None:
-        """Say the sentence anew with a knob at another value, and preview it."""
-        if self.reading is None:
+    def show(self) -> None:
+        """Show how the sentence is understood, and what is being done."""
+        reading = self.reading
+        known = reading is not None and not reading.refusal
+        self.apply_button.visible = known
+        self.text.visible = self.page.has_scene
+        if reading is None:
+            chips = "".join(button(f"say {each}", escape(each)) for each in EXAMPLES)
+            such = f'<div class="told">Such as {chips}</div>'
+            self.told.content, self.state.content = such if self.page.has_scene else "", ""
             return
-        knob = self.knobs[number]
-        said = _said(knob, value)
-        self.text.value = turned(self.reading.instruction, knob, said)
-        self.typed(by_person=False)
-        self.preview()
+        names = self.names()
+        shown = escape(reading.refusal) or chips_of(
+            reading, self.knobs, lambda each: read_called(each, names),
+            selected=self.page.selection is not None,
+        )  # fmt: skip
+        if self.page.selection is not None:
+            shown += button("none", "✕ the selection", label="Select nothing")
+        self.told.content = f'<div class="told">{shown}</div>'  # a list that is open stays open
+        notes = f"<p>{escape(self.note)}</p>" if self.note else ""
+        self.state.content = f'<div class="told" role="status">{notes}{self.doing}</div>'
+
+    def turned(self, kind: str, told: str) -> None:
+        """Say the sentence anew, with a chip ("0 VALUE") at another value."""
+        number, _, value = told.partition(" ")
+        if kind == "target" and value == "scene" and self.page.selection is not None:
+            self.page.select(None)  # which would confine it
+        if self.reading is not None:
+            self.say(said(self.reading, self.knobs, f"{kind} {number}", value))
+
+    # -- what is named
+
+    def aim(self, pause: float) -> None:
+        """Find what the sentence names, outline it, then preview the change."""
+        self.end(keep=True)
+        reading = self.reading
+        if reading is None or reading.refusal or not self.page.has_scene:
+            self.note = ""
+            return self.aimed(None, False)
+        previewer, stopped = self.previewer(), self.stopped
+
+        def find() -> Tensor | GseditError | None:
+            try:
+                return previewer.target(reading)
+            except GseditError as error:
+                return error
+
+        def found(result: Tensor | GseditError | None) -> None:
+            if not self.is_of_scene(previewer):
+                return
+            if isinstance(result, GseditError):
+                self.note = f"{on_page(result)}. Click the one you mean, or its number."
+                self.aimed(None, True)
+                return self.show()
+            chosen = self.page.selection is not None
+            self.note = "" if chosen or result is None else "Not this? Click the right one."
+            self.aimed(result, bool(self.note))
+            self.show()
+            self.preview(reading, result, pause, stopped)
+
+        self.tab.soon(AIM, find, found)
+
+    def aimed(self, flags: Tensor | None, numbered: bool) -> None:
+        """Outline what is named, and number the objects where it may be another."""
+        self.tab.name(flags)
+        self.marked = numbered
+        self.mark()
+
+    def rested(self, rests: bool) -> None:
+        """Number the objects where the view rests; the numbers do not follow it while it moves."""
+        if self.marked:
+            self.mark() if rests else self.tab.over("")
+
+    def mark(self) -> None:
+        """Lay the numbers of the objects over the picture."""
+        if not self.marked or not self.page.has_scene:
+            self.tab.drop(MARK)
+            return self.tab.over("")
+        loaded, camera = self.page.loaded, self.tab.camera()
+        work = lambda: marks(loaded.scene, loaded.ready().segments, camera)  # noqa: E731
+
+        def lay(found: Any) -> None:
+            places = [
+                button(
+                    f"object {each.number}", str(each.number), kind="mark",
+                    label=f"object {each.number}", style=f"left:{each.x:.1%};top:{each.y:.1%}",
+                )
+                for each in found
+            ]  # fmt: skip
+            self.tab.over("".join(places) if self.marked else "")
+
+        self.tab.soon(MARK, work, lay)
+
+    def choose(self, number: int) -> None:
+        """Select an object by its number."""
+        loaded = self.page.loaded
+        self.page.select(loaded.ready().segments.inside(number), f"object {number}")
 
     # -- preview and apply
 
@@ -154,11 +218,11 @@ class Say:
         for each in self.previewers.values():
             each.loaded.forget()
         self.previewers.clear()
-        self.back.visible = self.waits.visible = False
         self.selected()
 
     def selected(self) -> None:
         """Speak of what is selected now, and hear the names that are saved now."""
+        self.end()
         for key in list(self.previewers):
             if key[1] is not None:
                 self.previewers.pop(key, None)
@@ -166,8 +230,7 @@ class Say:
                 self.previewers[key].rename()
         if self.page.has_scene:
             self.tab.soon("prepare", self.previewer, lambda _: None)
-        if self.reading is not None:
-            self.typed(by_person=False)
+        self.typed(pause=PAUSE_SELECTED)
 
     def previewer(self) -> Previewer:
         """Previews of the selection, or of what a sentence speaks of."""
@@ -177,7 +240,8 @@ class Say:
             if key in self.previewers:
                 return self.previewers[key]
             self.previewers[key] = made = Previewer(loaded, file)
-        made.prepare_behind(partial(self.keeps, key, made))
+        wanted = partial(self.keeps, key, made)
+        made.prepare_behind(wanted, partial(self.looks.make, made, wanted))
         return made
 
     def keeps(self, key: tuple[Path, Path | None], previewer: Previewer) -> bool:
@@ -189,187 +253,106 @@ class Say:
         """Whether these previews are of the scene that is shown."""
         return self.page.has_scene and previewer.loaded.file == self.page.scene_file
 
-    def while_shown(
-        self, previewer: Previewer, then: Callable[[Any], None]
-    ) -> Callable[[Any], None]:
-        """Show a result unless another scene has come meanwhile, which tells no tab again."""
+    def preview(self, reading: Reading, flags: Tensor | None, pause: float, stopped: Event) -> None:
+        """Show the view as it would become: a glimpse, then this view, then right from all sides;
+        after a pause in which the next key ends it."""
+        previewer, camera, tab = self.previewer(), self.tab.camera(), self.tab
+        seconds = reading.seconds(len(self.page.scene))
 
-        def called(result: Any) -> None:
-            if self.is_of_scene(previewer):
-                then(result)
-            if not self.is_of_scene(previewer):  # it came while this was shown, too
-                self.tab.preview(None)
-                self.back.visible = False
+        def ask(work: Callable[[], Any], show: Callable[[Any], None]) -> None:
+            def then(result: Any) -> None:
+                if stopped.is_set() or not self.is_of_scene(previewer):
+                    return
+                show(result)
+                if stopped.is_set() or not self.is_of_scene(previewer):  # meanwhile
+                    tab.preview(None)
 
-        return called
+            tab.soon(PREVIEW, tried(work), then)
 
-    def pressed(self, _: Any) -> None:
-        """Preview or apply, by the button."""
-        self.preview() if self.buttons.value == "Preview" else self.apply()
+        def tried(work: Callable[[], Any]) -> Callable[[], Any]:
+            def called() -> Any:
+                try:
+                    return work()
+                except GseditError:
+                    self.end()  # nothing is drawn any more; the error is told
+                    raise
+
+            return called
+
+        def begin() -> Any:
+            return None if stopped.wait(pause) else previewer.glimpse(reading, flags)
+
+        def glimpsed(scene: Any) -> None:
+            if scene is not None:
+                tab.preview(scene, rough=True)
+            self.work(seconds)
+            if not previewer.is_exact(reading):
+                return ask(partial(previewer.picture, reading, camera), drawn)
+            partly = previewer.is_partial(reading)
+            ask(partial(previewer.scene, reading, camera if partly else None), shown)
+
+        def shown(made: Any) -> None:
+            tab.preview(made.scene)
+            self.done(made.notes, reading)
+            if previewer.is_partial(reading):
+                ask(partial(previewer.scene, reading), lambda whole: tab.preview(whole.scene))
+
+        def drawn(picture: Any) -> None:
+            self.done(("this view as it is drawn first; Apply paints it from all sides",), reading)
+            tab.still(picture)
+
+        ask(begin, glimpsed)
+
+    def work(self, seconds: float) -> None:
+        """Say that a preview is drawn, and how long that takes."""
+        if seconds >= TOLD:
+            told = f"Drawing the preview, about {seconds:.0f} s {button('end', 'Stop')}"
+            self.doing = f'<p>{told}</p><div class="bar" style="--for:{seconds:.0f}s"></div>'
+            self.show()
+
+    def done(self, notes: tuple[str, ...], reading: Reading) -> None:
+        """Say that a preview is shown, with its remarks."""
+        more = (f"the first of {len(reading.steps)} edits",) if len(reading.steps) > 1 else ()
+        told = escape("; ".join((*more, *notes)))
+        remarks = f"<details><summary>Remarks</summary>{told}</details>" if told else ""
+        self.doing = f"<p>Preview {button('end', 'End')}</p>{remarks}"
+        self.show()
+
+    def end(self, *, keep: bool = False) -> None:
+        """Show the scene as it is; `keep` what is told of the sentence, which is read anew."""
+        self.stopped.set()
+        self.stopped = Event()
+        for key in (AIM, PREVIEW):
+            self.tab.drop(key)
+        self.doing = ""
+        if self.tab.previews:
+            self.tab.preview(None)
+        if not keep:
+            self.show()
 
     def asked(self) -> Reading:
         """The sentence as it was understood. Raises UsageError where it is empty or refused."""
         if self.reading is None or self.reading.text != self.text.value.strip():
-            self.typed()  # it was not yet
+            self.typed(by_person=False)  # it was not yet
         if self.reading is None:
             raise UsageError("say what should change first, as in “turn it into bronze”")
         if self.reading.refusal:
             raise UsageError(self.reading.refusal)
         return self.reading
 
-    def preview(self) -> None:
-        """Show the view as it would become: quick first, then right from all sides."""
-        reading, tab = self.asked(), self.tab
-        previewer, camera = self.previewer(), tab.camera()
-        self.waits.visible = self.back.visible = True
-        if not previewer.is_exact(reading):
-            picture = self.waited(lambda: previewer.picture(reading, camera))
-            return tab.soon(PREVIEW, picture, self.while_shown(previewer, self.drawn))
-        one_view = camera if previewer.is_partial(reading) else None
-
-        def show(routed: Any) -> None:
-            self.shown(routed.scene, routed.notes if one_view is None else ())
-            if one_view is not None:
-                self.waits.visible = True
-                work = self.waited(lambda: previewer.scene(reading))
-                tab.soon(PREVIEW, work, self.while_shown(previewer, whole))
-
-        def whole(routed: Any) -> None:
-            self.shown(routed.scene, routed.notes)
-
-        work = self.waited(lambda: previewer.scene(reading, one_view))
-        tab.soon(PREVIEW, work, self.while_shown(previewer, show))
-
-    def waited(self, work: Callable[[], Any]) -> Callable[[], Any]:
-        """Work at whose end, or error, nothing is said to be worked on any more."""
-
-        def done() -> Any:
-            try:
-                return work()
-            finally:
-                self.waits.visible = False
-
-        return done
-
-    def shown(self, scene: Any, notes: tuple[str, ...]) -> None:
-        """Show a scene that was made for a preview."""
-        more = len(self.reading.steps) if self.reading is not None else 1
-        first = (f"the first of {more} edits",) if more > 1 and notes else ()
-        self.tab.preview(scene, "; ".join((*first, *notes)))
-        self.back.visible = True
-
-    def drawn(self, picture: Any) -> None:
-        """Show the picture of one view until the view moves."""
-        self.tab.still(picture)
-        self.tab.tell("One view as it is drawn first; move to see the scene as it is.")
-
-    def end(self) -> None:
-        """Show the scene as it is."""
-        self.tab.drop(PREVIEW)
-        self.tab.preview(None)
-        self.back.visible = self.waits.visible = False
-
     def apply(self) -> None:
         """Edit the scene as the sentence says; the result is the next step."""
         reading = self.asked()
         after = partial(self.applied, reading.text)
         options = self.page.region_options()
-        self.page.step("edit", reading.text, *options, title=reading.text, after=after)
+        about = reading.seconds(len(self.page.scene))
+        self.page.step("edit", reading.text, *options, title=reading.text, after=after, about=about)
 
-    def applied(self, said: str) -> None:
+    def applied(self, said_: str) -> None:
         """Be ready for the next sentence, which may be typed already."""
-        if self.text.value.strip() == said:
+        if self.text.value.strip() == said_:
             self.text.value = ""
-        for slider in self.tones.values():
-            slider.value = 0.0
         self.typed()
 
 
-_HELP = (
-    '<div style="font-size:13px;line-height:1.5;padding:0 .75em .25em;opacity:.7">Say it in plain '
-    f"words: {', '.join(f'“{each}”' for each in EXAMPLES)}.</div>"
-)
-
-
-def _shape(knob: Knob) -> tuple[Any, ...]:
-    return knob.index, knob.kind, knob.label, knob.low, knob.high, knob.choices
-
-
-def _value_of(knob: Knob) -> Any:
-    """The value of a knob as its control has it."""
-    if knob.kind == "color":
-        text = str(knob.value).lstrip("#")
-        return tuple(int(text[i : i + 2], 16) for i in (0, 2, 4))
-    if knob.kind == "finish":
-        return knob.choices.index(knob.value) if knob.value else len(knob.choices) - 1
-    return float(knob.value)
-
-
-def _said(knob: Knob, value: Any) -> float | str:
-    """The value of a control as its knob has it."""
-    if knob.kind == "color":
-        return "#" + "".join(f"{int(each):02x}" for each in value)
-    return knob.choices[int(value)] if knob.kind == "finish" else float(value)
-
-
 add = Say
-
-
-THUMBNAIL = 128
-"""Longer side of a picture of a style, pixels."""
-COLUMNS = 3
-"""Pictures beside each other: the panel is about 300 pixels wide."""
-NONE = "choose a style"
-
-
-class Styles:
-    """The styles below one tab's sentence."""
-
-    def __init__(self, say: Any) -> None:
-        """Add the controls of a `Say`, folded up."""
-        self.say, tab = say, say.tab
-        with tab.gui.add_folder("painting styles", expand_by_default=False):
-            self.names = tab.gui.add_dropdown("style", (NONE, *styles()))
-            self.show = tab.gui.add_button("Show all on this view", icon="palette")
-            self.sheet: Any = None
-            self.place = tab.gui.add_folder("on this view", visible=False)
-        self.names.on_update(tab.safely(self.chosen))
-        self.show.on_click(tab.safely(lambda _: self.paint()))
-
-    def chosen(self, event: Any) -> None:
-        """Say the style that a person has chosen, and preview it."""
-        if event.client is None or self.names.value == NONE:
-            return
-        whole = "" if self.say.page.selection is None else "it "
-        self.say.text.value = f"{whole}in the style of {self.names.value}"
-        self.say.typed()
-        self.say.preview()
-
-    def paint(self) -> None:
-        """Show the current view in every style."""
-        say, page = self.say, self.say.page
-        if not page.has_scene:
-            return
-        camera = say.tab.camera().fitted(THUMBNAIL)
-
-        def work() -> Any:
-            import numpy as np
-
-            from gsedit.formats.pictures import as_picture
-            from gsedit.paper.editors.painter.style_sheet import in_every_style
-            from gsedit.pictures.contact_sheet import captioned
-
-            cells = in_every_style(render_picture(page.scene, camera))
-            named = [(name, as_picture(picture)) for name, picture in cells]
-            return np.asarray(captioned(named, COLUMNS))
-
-        say.waits.visible = True
-        say.tab.soon("styles", say.waited(work), self.shown)
-
-    def shown(self, picture: Any) -> None:
-        """Show the sheet in the place of an earlier one."""
-        if self.sheet is not None:
-            self.sheet.remove()
-        with self.place:
-            self.sheet = self.say.tab.gui.add_image(picture, format="jpeg")
-        self.place.visible = True

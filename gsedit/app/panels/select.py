@@ -1,9 +1,10 @@
-"""Selecting: by click, by box, by words, by name; larger, smaller, the others; saved by a name."""
+"""Selecting: by click and by box; larger, smaller, the others; saved by a name."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from time import monotonic
+from typing import TYPE_CHECKING
 
 import torch
 from jaxtyping import Bool
@@ -12,7 +13,6 @@ from torch import Tensor
 from gsedit.errors import UsageError
 from gsedit.scene.table import table_of
 from gsedit.select.click import SMALLEST, Click, Selector, at_one_place
-from gsedit.select.finder import Names
 from gsedit.select.region import Region
 from gsedit.select.rules import given, grow, shrink
 from gsedit.select.saved import save_named, saved_files
@@ -62,7 +62,8 @@ ADD, TAKE = "cmd/ctrl", "alt"
 SELECTS, ADDS, TAKES, NOTHING = "select", "add", "take away", "do nothing"
 """Ways of a click without a key, as on a phone."""
 SELECT = "selection"
-NONE = "—"
+DOUBLE = 0.4
+"""Seconds within which a second click frames what the first selected."""
 
 
 class Select:
@@ -71,22 +72,15 @@ class Select:
     def __init__(self, page: Page, tab: Tab) -> None:
         """Add the controls, and let clicks select."""
         self.page, self.tab, gui = page, tab, tab.gui
-        self.clicks = Clicks()
+        self.clicks, self.clicked_at = Clicks(), -DOUBLE
         self.state = gui.add_markdown("")
         self.picks = gui.add_dropdown("clicks", (SELECTS, ADDS, TAKES, NOTHING), hint=_HOW)
-        self.words = gui.add_text(
-            "words", "", hint="As “the red one”, “the largest”, “the ground”."
-        )
-        self.find = gui.add_button("Select by words", icon="search")
         self.change = gui.add_button_group("", ("Grow", "Shrink", "Invert", "None"))
-        self.saved = gui.add_dropdown("saved", (NONE,))
         self.name = gui.add_text("name", "", hint="Sentences may say it: “paint the chair gold”.")
         self.save = gui.add_button("Save the selection", icon="tag")
         safely = tab.safely
         self.picks.on_update(safely(lambda _: self.point()))
-        self.find.on_click(safely(lambda _: self.by_words()))
         self.change.on_click(safely(lambda _: self.changed(self.change.value)))
-        self.saved.on_update(safely(self.chosen))
         self.save.on_click(safely(lambda _: self.keep()))
         tab.key("Select nothing", "escape", lambda: page.select(None))
         tab.key("Invert the selection", "I", lambda: self.changed("Invert"), "cmd/ctrl")
@@ -98,13 +92,13 @@ class Select:
         self.show()
 
     def show(self) -> None:
-        """Tell what is selected, and list the saved names."""
+        """Tell what is selected, and the saved names."""
         page = self.page
         count = 0 if page.selection is None else int(page.selection.sum())
-        self.state.content = f"{count:,} Gaussians: {page.note}" if count else _HOW
-        names = tuple(saved_files(page.scene_file)) if page.has_scene else ()
-        self.saved.options = (NONE, *names)
-        self.saved.visible = bool(names)
+        note = page.note.partition(" at this view")[0]
+        self.state.content = f"{count:,} Gaussians: {note}" if count else _HOW
+        names = saved_files(page.scene_file) if page.has_scene else ()
+        self.state.content += f"\n\nSaved: {', '.join(names)}" if names else ""
 
     def forget(self) -> None:
         """Begin with other clicks: the scene is another."""
@@ -119,35 +113,27 @@ class Select:
 
     def clicked(self, pick: Pick) -> None:
         """Select the object at a click, add it, or take away what is under it."""
+        again = monotonic() - self.clicked_at < DOUBLE
+        self.clicked_at = monotonic()
+        if again and pick.modifier is None:
+            return self.tab.soon("frame", lambda: None, lambda _: self.tab.frame())
         held = pick.modifier or {ADDS: ADD, TAKES: TAKE}.get(self.picks.value)
         click = Click(pick.camera, pick.x, pick.y, held != TAKE, "this view")
         clicks = self.clicks.with_click(click, add=held is not None)
         loaded = self.page.loaded
-        if "finder" not in vars(loaded):
-            self.tab.tell("looking for the objects of the scene: the first click takes a while")
+        if not loaded.is_ready:
+            self.tab.tell("still looking for the objects of the scene: about 10 s, once")
 
         def then(found: tuple[Clicks, Region]) -> None:
             self.clicks, region = found
             self.take(region)
 
-        self.tab.soon(SELECT, lambda: clicks.selected(loaded.finder.selector), then)
+        self.tab.soon(SELECT, lambda: clicks.selected(loaded.ready().selector), then)
 
     def boxed(self, box: Box) -> None:
         """Select the objects in a box."""
         loaded, corners = self.page.loaded, (box.x0, box.y0, box.x1, box.y1)
-        self.tab.soon(SELECT, lambda: loaded.finder.selector.box(box.camera, *corners), self.take)
-
-    def by_words(self) -> None:
-        """Select what the words name."""
-        loaded, phrase = self.page.loaded, self.words.value.strip().lower()
-        if not phrase:
-            raise UsageError("say what to select, as in “the red one” or “the largest”")
-
-        def find() -> Region:
-            loaded.finder.rename(Names(saved_files(loaded.file)))
-            return loaded.finder.named(phrase)
-
-        self.tab.soon(SELECT, find, self.take)
+        self.tab.soon(SELECT, lambda: loaded.ready().selector.box(box.camera, *corners), self.take)
 
     def take(self, region: Region) -> None:
         """Make a region the selection."""
@@ -167,13 +153,6 @@ class Select:
         scene, note = page.scene, page.note
         self.tab.soon(SELECT, lambda: grown(scene, flags, radius), lambda x: page.select(x, note))
 
-    def chosen(self, event: Any) -> None:
-        """Select what was saved by the name that is chosen."""
-        if event.client is None or self.saved.value == NONE:  # `show`, not a person
-            return
-        self.words.value = self.saved.value
-        self.by_words()
-
     def keep(self) -> None:
         """Save the selection beside the scene, in the place of one of the same name."""
         page, name = self.page, self.name.value.strip()
@@ -188,7 +167,7 @@ class Select:
 
 _HOW = (
     "Click on an object; again at the same place, for the part there. Ctrl-click adds, Alt-click "
-    "takes away, a drag with Shift draws a box."
+    "takes away, a drag with Shift draws a box. A double click, or F, frames it."
 )
 
 
