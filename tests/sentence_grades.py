@@ -13,7 +13,9 @@ from typing import Any
 from gsedit.words.colors import distance, lab_of
 from gsedit.words.instruction import Change
 from gsedit.words.lexicon import style_words
+from gsedit.words.nouns import DEFINITE
 from gsedit.words.read import read_instruction
+from gsedit.words.scan import scanned
 
 SAME = {
     "aluminium": "aluminum", "fibre": "fiber", "grey": "gray", "rusted": "rust", "rusty": "rust",
@@ -42,9 +44,33 @@ def tokens(name: str) -> set[str]:
     return {SAME.get(word, word) for word in re.findall(r"[a-z]+", name.lower())}
 
 
+def plain(made: dict[str, Any], asked: dict[str, Any]) -> dict[str, Any]:
+    """A made change whose noun alone is the subject or the background that was asked for: the
+    older files have no phrase for looks of these."""
+    phrase = made.get("phrase", "")
+    if made["kind"] == "object" or asked.get("phrase") or not phrase or asked["kind"] == "object":
+        return made
+    words = [word for word in scanned(phrase) if word.text not in DEFINITE]
+    if words[-1].kind in ("ground", "place") and asked["target"] != "subject":
+        return {**made, "phrase": "", "target": asked["target"]}
+    return {**made, "phrase": ""}
+
+
+def names_part(phrase: str) -> bool:
+    """Whether a phrase names a part of a thing, as "the ears"."""
+    return any(word.kind == "part" for word in scanned(phrase))
+
+
+def grounded(made: dict[str, Any]) -> dict[str, Any]:
+    """A change of the ground by its name as one of the background."""
+    words = scanned(made["phrase"])
+    ground = bool(words) and words[-1].kind == "ground" and made["kind"] not in ("object", "growth")
+    return {**made, "phrase": "", "target": "background"} if ground else made
+
+
 def agrees(made: dict[str, Any], asked: dict[str, Any]) -> bool:
     """Whether one made change is one that was asked for."""
-    made, asked = mode(made), mode(asked)
+    made, asked = mode(plain(made, asked)), mode(asked)
     if (made["target"], made["kind"]) != (asked["target"], asked["kind"]):
         lit = {made["kind"], asked["kind"]} == {"light", "look"}
         if not (lit and made["target"] == asked["target"]):
@@ -119,6 +145,9 @@ def opposes(made: dict[str, Any], pattern: dict[str, Any]) -> bool:
 def grade(entry: dict[str, Any], changes: tuple[Change, ...], known: bool) -> str:
     """One of right, refused rightly, wrong, opposite; a wrong refusal is wrong."""
     made = [asdict(change) for change in changes]
+    if not entry["known"] and made and all(names_part(each["phrase"]) for each in made):
+        return "refused rightly"  # the part is named: it is found in a scene, or refused there
+    made = [grounded(each) for each in made]
     if any(opposes(change, pattern) for change in made for pattern in entry["opposite"]):
         return "opposite"
     if not entry["known"]:

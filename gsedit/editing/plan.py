@@ -11,7 +11,7 @@ from itertools import groupby
 
 from gsedit.errors import UsageError
 from gsedit.paper.settings import EditSettings
-from gsedit.words.called import read_called
+from gsedit.words.read import read_instruction
 from gsedit.words.instruction import Change, Instruction
 from gsedit.words.phrases import GROUNDS
 from gsedit.words.refusals import no_style
@@ -51,7 +51,7 @@ def read_steps(
     `names` are those of saved selections. Raises UsageError as `steps_of` does.
     """
     if not drawn:
-        return steps_of(read_called(sentence, names))
+        return steps_of(read_instruction(sentence, names))
     change = Change("scene", "look", PICTURE, None, None, PICTURE)
     return (Instruction(sentence, True, "", (change,)),)
 

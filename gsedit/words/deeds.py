@@ -263,8 +263,13 @@ def _thickness(thick: str) -> float:
     return float(things("thickness")[thick])
 
 
+def _emptied(said: Said) -> Change:
+    """All that there is removed: only where something is left out of it."""
+    return Change("scene", "object", "remove", None, None, "object", "")
+
+
 MAKERS: dict[str, Callable[[Said], Change | None]] = {
-    "isolate": _isolated, "remove": _removed, "unwanted": _unwanted, "scale": _scaled,
+    "isolate": _isolated, "all": _emptied, "remove": _removed, "unwanted": _unwanted, "scale": _scaled,
     "resize": _of_old, "turn": _turned, "move": _moved, "insert": _inserted, "count": _counted,
     "copy": _copied, "grow": _grown,
 }  # fmt: skip

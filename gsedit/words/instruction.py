@@ -68,10 +68,16 @@ class Change:
     for what the target says."""
     place: Place | None = None
     """Place that the object gets."""
+    keep: tuple[str, ...] = ()
+    """Phrases of what stays as it is in the part that changes: "the bear but not its nose"."""
 
     @property
     def part(self) -> str:
         """Part that changes, in words."""
+        return " and ".join((f"{self._part} but not {self.keep[0]}", *self.keep[1:])) if self.keep else self._part
+
+    @property
+    def _part(self) -> str:
         if self.phrase not in ("", "it"):
             return f"everything but {self.phrase}" if self.target == "background" else self.phrase
         return "the whole scene" if self.target == "scene" else f"the {self.target}"
@@ -160,11 +166,14 @@ class Instruction:
     """In the order in which they are done; empty where the sentence is refused."""
     refusal: str = ""
     """Kind of refusal, such as "negation"; "" where it is known."""
+    unread: tuple[str, ...] = ()
+    """Words of a request or an exception that nothing was made of."""
 
     def as_json(self) -> str:
-        """One line of JSON with the keys known, why and changes."""
+        """One line of JSON with the keys known, why, changes and unread."""
         changes = [asdict(change) for change in self.changes]
-        return json.dumps({"known": self.known, "why": self.why, "changes": changes})
+        record = {"known": self.known, "why": self.why, "changes": changes, "unread": self.unread}
+        return json.dumps(record)
 
     def __str__(self) -> str:
         return "; ".join(map(str, self.changes)) if self.known else self.why
@@ -176,7 +185,7 @@ class Instruction:
 def sentence_of(changes: Sequence[Change]) -> str | None:
     """A sentence for changes of tones, paints, materials, sizes, turns and growths; None where one
     of them is of another kind. Few sentences read back as others, such as those of materials whose
-    name leaves their color out: compare what `read_called` makes of it."""
+    name leaves their color out: compare what `read_instruction` makes of it."""
     clauses = [clause_of(change) for change in changes]
     return None if None in clauses else ", and ".join(filter(None, clauses))
 

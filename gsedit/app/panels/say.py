@@ -14,7 +14,7 @@ from gsedit.app.reading import LEAST, Knob, Reading, knobs_of, read, turned
 from gsedit.errors import UsageError
 from gsedit.scene.picture import render_picture
 from gsedit.select.saved import saved_files
-from gsedit.words.called import read_called
+from gsedit.words.read import read_instruction
 from gsedit.words.instruction import MORE, Change, sentence_of
 from gsedit.words.lexicon import styles
 
@@ -103,7 +103,7 @@ class Say:
         count = len(page.scene) if page.has_scene else 0
         self.told.content = self.reading.html(count, selected=page.selection is not None)
         if by_person:
-            self.turn_out(knobs_of(self.reading.instruction, lambda each: read_called(each, names)))
+            self.turn_out(knobs_of(self.reading.instruction, lambda each: read_instruction(each, names)))
 
     def turn_out(self, knobs: tuple[Knob, ...]) -> None:
         """Show these knobs in the place of the earlier ones."""

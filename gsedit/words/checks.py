@@ -1,0 +1,113 @@
+"""Checks on what a sentence was read as, apart from how it was read.
+
+What the sentence says stays never meets what changes, and every word is in a change, in an
+exception, in a remark, or told to be unread. Loads no torch.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from gsedit.words.actions import OtherClauses, actions_of
+from gsedit.words.clauses import CONTENT, NEGATIONS
+from gsedit.words.frames import Frames
+from gsedit.words.instruction import Change
+from gsedit.words.lexicon import sets, things
+from gsedit.words.plain import plainly
+from gsedit.words.refusals import Refused
+from gsedit.words.scan import Word, scanned
+
+HELD = frozenset(
+    ("color", "material", "light", "look", "style", "turn", "state", "hue", "noun", "number",
+     "fraction", "factor", "direction", "shape", "finish")
+)  # fmt: skip
+"""Kinds of words of which something must be made."""
+FILLERS = frozenset(things("filler"))
+"""Words of which nothing is made that say no more."""
+LOOSE = frozenset(things("unheld"))
+"""Words of these kinds of which nothing need be made: "the color red"."""
+
+
+def meets(frames: Frames, changes: Sequence[Change]) -> str:
+    """The words that say what stays where a change may meet it; "" where none does."""
+    for change in changes:
+        if change.name in ("insert", "copy") or change.phrase.removeprefix("the ") in frames.left_out:
+            continue
+        left_out = {*change.keep, *((change.phrase,) if change.target == "background" else ())}
+        for kept in frames.kept:
+            name = f"the {kept}"
+            if kept.startswith("zq"):
+                free = name in left_out
+            elif kept == "it":
+                free = change.target == "background" or change.phrase not in ("", "it")
+            else:
+                free = change.target == "subject" or (kept == "rest" and change.target == "background")
+            if not free:
+                return frames.said[0]
+    return ""
+
+
+def unread_in(text: str, changes: Sequence[Change]) -> list[str]:
+    """Words of a text of which no change was made, those beside each other as one."""
+    actions = actions_of(text)
+    if actions is not None:
+        others = [each.text for each in actions if isinstance(each, OtherClauses)]
+        return [word for each in others for word in unread_in(each, changes)] if len(others) < 2 or others != [text] else []
+    words = scanned(text)
+    whole = any(c.kind in ("light", "look") and c.target == "scene" for c in changes)
+    told = {str(change) for change in changes}
+    named = " ".join((*told, *(c.name for c in changes), *(c.phrase for c in changes), *(c.place.of for c in changes if c.place)))
+    times = sets()["time"]
+    lit = {change.name for change in changes} & times
+    found, before = list[str](), -2
+    for at, word in enumerate(words):
+        behind = any(w.kind == "behind" for w in words[:at]) and any(c.target == "background" for c in changes)
+        beside = (whole or behind) and word.value.startswith("zq")
+        beside |= _illustrates(words, at, named)
+        if beside or _denied(words, at) or not _is_lost(word, at, words, told, named, bool(lit)):
+            continue
+        if at == before + 1:
+            found[-1] = f"{found[-1]} {word.text}"
+        else:
+            found.append(word.text)
+        before = at
+    return found
+
+
+def _is_lost(word: Word, at: int, words: list[Word], told: set[str], named: str, lit: bool) -> bool:
+    """Whether nothing was made of a word."""
+    if word.kind == "unknown":
+        return word.text not in named and word.text not in FILLERS
+    if word.value.startswith("zq"):
+        return word.value not in named
+    if word.kind not in HELD or word.text in LOOSE:
+        return False
+    if word.text in named or any(each in named for each in (word.value.split()[:1] or [word.text])):
+        return False
+    if word.color and word.color in named:
+        return False
+    if lit and word.value in sets()["time"]:
+        return False
+    try:
+        other = plainly(" ".join(each.text for i, each in enumerate(words) if i != at))
+    except Refused:
+        return False
+    return {str(change) for change in other} == told
+
+
+def _denied(words: list[Word], at: int) -> bool:
+    """Whether a word is what must not be, or what gives way: "not gold", "from black to white"."""
+    for word in reversed(words[:at]):
+        if word.kind in ("mark", "conj"):
+            return False
+        if word.kind in NEGATIONS or word.text in ("from", "than", "instead of"):
+            return True
+    return False
+
+
+def _illustrates(words: list[Word], at: int, named: str) -> bool:
+    """Whether a word is in a comparison of which something was made: "as if Midas touched it"."""
+    start = next((i for i in range(at - 1, -1, -1) if words[i].kind in ("simile", "asif")), None)
+    if start is None or any(word.kind == "mark" for word in words[start:at]):
+        return False
+    return any(w.kind in ("material", "look", "light", "color", "style", "state") and w.value.split()[0] in named for w in words)
