@@ -208,7 +208,7 @@ def object_done(made: Change, asked: dict[str, Any]) -> bool:
                 return False
             return amount is None or abs(abs(said) * 360 - abs(amount)) < 3
         case "move" | "copy" | "insert":
-            if asked["do"] == "copy" and (amount or 1) > 1:
+            if asked["do"] == "copy" and (amount or 1) != (made.amount or 1):
                 return False
             side = next((s for s in ("left", "right", "up", "down") if re.search(rf"\b{s}\b", to)), None)
             if side and made.place and made.place.side in ("left", "right", "up", "down"):

@@ -61,6 +61,17 @@ def names_part(phrase: str) -> bool:
     return any(word.kind == "part" for word in scanned(phrase))
 
 
+def bare(phrase: str) -> str:
+    """A phrase without its article."""
+    return phrase.removeprefix("the ")
+
+
+def is_for_scene(made: dict[str, Any]) -> bool:
+    """Whether only a scene can tell that a change is not done: metres without a scale."""
+    several = made["name"] == "copy" and (made["amount"] or 1) > 1
+    return several or bool(made["place"] and made["place"].get("metres"))
+
+
 def grounded(made: dict[str, Any]) -> dict[str, Any]:
     """A change of the ground by its name as one of the background."""
     words = scanned(made["phrase"])
@@ -82,7 +93,7 @@ def agrees(made: dict[str, Any], asked: dict[str, Any]) -> bool:
         return distance(made["color"], asked["color"]) <= 15 and (
             not finish or finish in made["name"]
         )
-    if made.get("phrase", "") != asked.get("phrase", ""):
+    if bare(made.get("phrase", "")) != bare(asked.get("phrase", "")):
         return False
     if made["kind"] in ("object", "growth"):
         return acts_alike(made, asked)
@@ -96,7 +107,8 @@ def acts_alike(made: dict[str, Any], asked: dict[str, Any]) -> bool:
     """Whether two actions on an object are of one kind, by one amount, to one place."""
     amounts = [float("inf") if each["amount"] is None else each["amount"] for each in (made, asked)]
     near = amounts[0] == amounts[1] or abs(amounts[0] - amounts[1]) < 0.02
-    return near and all(made[key] == asked[key] for key in ("name", "place"))
+    place = made["place"] and {key: each for key, each in made["place"].items() if each or key != "metres"}
+    return near and made["name"] == asked["name"] and place == asked["place"]
 
 
 def tone_agrees(made: dict[str, Any], asked: dict[str, Any]) -> bool:
@@ -145,7 +157,7 @@ def opposes(made: dict[str, Any], pattern: dict[str, Any]) -> bool:
 def grade(entry: dict[str, Any], changes: tuple[Change, ...], known: bool) -> str:
     """One of right, refused rightly, wrong, opposite; a wrong refusal is wrong."""
     made = [asdict(change) for change in changes]
-    if not entry["known"] and made and all(names_part(each["phrase"]) for each in made):
+    if not entry["known"] and made and all(names_part(each["phrase"]) or is_for_scene(each) for each in made):
         return "refused rightly"  # the part is named: it is found in a scene, or refused there
     made = [grounded(each) for each in made]
     if any(opposes(change, pattern) for change in made for pattern in entry["opposite"]):

@@ -59,12 +59,13 @@ def unread_in(text: str, changes: Sequence[Change]) -> list[str]:
     named = " ".join((*told, *(c.name for c in changes), *(c.phrase for c in changes), *(c.place.of for c in changes if c.place)))
     times = sets()["time"]
     lit = {change.name for change in changes} & times
+    amounts = {abs(change.amount) for change in changes if change.amount}
     found, before = list[str](), -2
     for at, word in enumerate(words):
         behind = any(w.kind == "behind" for w in words[:at]) and any(c.target == "background" for c in changes)
         beside = (whole or behind) and word.value.startswith("zq")
         beside |= _illustrates(words, at, named)
-        if beside or _denied(words, at) or not _is_lost(word, at, words, told, named, bool(lit)):
+        if beside or _denied(words, at) or not _is_lost(word, at, words, told, named, bool(lit), amounts):
             continue
         if at == before + 1:
             found[-1] = f"{found[-1]} {word.text}"
@@ -74,7 +75,7 @@ def unread_in(text: str, changes: Sequence[Change]) -> list[str]:
     return found
 
 
-def _is_lost(word: Word, at: int, words: list[Word], told: set[str], named: str, lit: bool) -> bool:
+def _is_lost(word: Word, at: int, words: list[Word], told: set[str], named: str, lit: bool, amounts: set[float]) -> bool:
     """Whether nothing was made of a word."""
     if word.kind == "unknown":
         return word.text not in named and word.text not in FILLERS
@@ -85,6 +86,8 @@ def _is_lost(word: Word, at: int, words: list[Word], told: set[str], named: str,
     if word.text in named or any(each in named for each in (word.value.split()[:1] or [word.text])):
         return False
     if word.color and word.color in named:
+        return False
+    if word.kind in ("number", "fraction", "factor") and any(_near(each, word.number) for each in amounts):
         return False
     if lit and word.value in sets()["time"]:
         return False
@@ -111,3 +114,9 @@ def _illustrates(words: list[Word], at: int, named: str) -> bool:
     if start is None or any(word.kind == "mark" for word in words[start:at]):
         return False
     return any(w.kind in ("material", "look", "light", "color", "style", "state") and w.value.split()[0] in named for w in words)
+
+
+def _near(amount: float, number: float) -> bool:
+    """Whether a change's amount is what a number says: 0.2 for 20, 0.5 for 1.5, for half."""
+    said = (number, number / 100, abs(number - 1), abs(2**number - 1), number / 360, abs(number / 100 - 1))
+    return any(abs(amount - each) < 0.006 for each in said)

@@ -25,6 +25,8 @@ class Place:
     """Phrase of what it is a side of, "it" for where it was; "" for a way to go."""
     units: bool = False
     """Whether the change's amount is in units of the scene's file, not a share of its size."""
+    metres: bool = False
+    """Whether it is in metres."""
 
     def __str__(self) -> str:
         words = SIDES[self.side] if self.of else WAYS.get(self.side, self.side)
@@ -135,6 +137,8 @@ def _deed(change: Change) -> str:
     if change.name == "copy" and change.place and change.place.of == change.phrase:
         place = f" {SIDES[change.place.side]} it"
     match change.name:
+        case "copy" if amount > 1:
+            words = f"copied {amount:.0f} times{place}"
         case "scale":
             words = f"{abs(amount):.0%} {'smaller' if amount < 0 else 'larger'}"
         case "turn":
@@ -142,7 +146,9 @@ def _deed(change: Change) -> str:
             return f"turned by {abs(amount) * 360:.0f} degrees {way}".rstrip()
         case "move" if change.amount is not None:
             units = change.place is not None and change.place.units
+            metres = change.place is not None and change.place.metres
             far = f"{amount:g} units" if units else f"{amount:.0%} of its size"
+            far = f"{amount:.3g} m" if metres else far
             words = f"moved{place} by {far}"
         case _:
             words = f"{DONE[change.name]}{place}"

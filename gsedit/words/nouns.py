@@ -29,6 +29,8 @@ OPINIONS = frozenset(things("opinion"))
 """Adjectives that tell no thing from another: "that ugly old pot"."""
 NO_NOUNS = frozenset(things("nothing")) | frozenset(things("loose")) | frozenset(things("filler"))
 """Words that are no things, whatever stands before them."""
+OTHERS = frozenset(things("other"))
+"""Words that are no things where they have no article."""
 RELATIONS = re.compile(
     r"(?:to the|on the|at the|in the)? ?(?:left|right|front|top|bottom|back|edge|middle|center)?"
     r" ?(?:side )?(?:of|next to|in front of|on top of|beside|near|behind|under|underneath|above"
@@ -130,9 +132,11 @@ def _phrase(words: Sequence[Word], at: int) -> tuple[int, int]:
         return at + 1, 0
     end = at
     while end < len(words) and (words[end].kind in HEADS or words[end].kind == "poss"):
-        if words[end].text in NO_NOUNS:
+        if words[end].text in NO_NOUNS or words[end].text in OTHERS:
             break
         end += 1
+    if end == at:
+        return at + 1, 0
     run = words[at:end]
     if len(run) > 2 and all(each.kind == "unknown" for each in run):
         return end, 0
@@ -154,7 +158,7 @@ def _head(words: Sequence[Word], at: int, plain: bool) -> int:
     while at < len(words):
         word = words[at]
         noun = word.kind in HEADS or word.text in ONES
-        if word.text in NO_NOUNS or STAND_IN_WORD.fullmatch(word.text):
+        if word.text in NO_NOUNS or (head and word.text in OTHERS) or STAND_IN_WORD.fullmatch(word.text):
             break
         if noun:
             head = at + 1
@@ -190,6 +194,8 @@ def _names_thing(words: Sequence[Word], at: int, end: int) -> bool:
         return False
     if before.kind in ("simile", "asif", "than") or before.text in ("as", "like"):
         return False
+    if any(word.text in OTHERS for word in words[at:end]):
+        return False
     alone = before.kind in ENDS and after.kind in ENDS
     valued = before.text in ("in", "into", "of", "as", "to", "with", "from", "the")
     named = at > 1 and any(STAND_IN_WORD.fullmatch(w.text) or w.kind in HEADS for w in words[:at])
@@ -204,7 +210,7 @@ def _start(words: Sequence[Word], at: int) -> int:
     while other and start and words[start - 1].kind in kinds:
         start -= 1
     while start and (words[start - 1].text in SIZES or words[start - 1].kind == "direction"):
-        if words[start - 1].text not in SIZES | {"left", "right"}:
+        if words[start - 1].text.endswith("er") or words[start - 1].text in ("big", "huge", "giant"):
             break
         start -= 1
     return start

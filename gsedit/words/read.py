@@ -26,6 +26,10 @@ WEAKER = 0.5
 """Share of its usual amount that a change with a limit gets: "but not too much"."""
 
 
+REFERS = re.compile(r"\b(?:it|its|them|their|him|his|her|there)\b")
+"""Words for what a remark named."""
+
+
 def read_instruction(
     sentence: str, saved: Collection[str] = (), *, accept_unread: bool = False
 ) -> Instruction:
@@ -117,7 +121,8 @@ def _best(frames: Frames) -> tuple[list[Change], list[str]]:
 
 def _corrected(changes: list[Change], text: str, frames: Frames) -> list[Change]:
     """Changes of the thing that was named in what was taken back: "the bear red, no, blue"."""
-    found = NOUN.findall(frames.dropped)
+    said = frames.dropped or (frames.asked if REFERS.search(text) else "")
+    found = NOUN.findall(said)
     if not found or NOUN.search(text):
         return changes
     phrase = f"the {found[0]}"
