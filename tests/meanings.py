@@ -104,8 +104,16 @@ def same_thing(one: str, other: str) -> bool:
     return head(one) in words_of(other) and head(other) in words_of(one)
 
 
-def on_target(made: Change, of: str) -> bool:
-    """Whether a change is of what was meant."""
+PLACE = re.compile(r"\b(?:garden|park|courtyard|room|yard|landscape|kitchen|hall|studio|cafe|shop|street|village|museum|cellar|library|workshop|cave|church|market|souk|temple|house|whole thing|place|outside|sky)$")
+"""Nouns of places, in which all of the scene is."""
+
+
+def on_target(made: Change, of: str, do: str = "") -> bool:
+    """Whether a change is of what was meant: light, and weather, fall on all that is there."""
+    if do in ("light", "weather") and made.target == "scene" and not made.phrase and "but" not in of and "except" not in of:
+        return True
+    if PLACE.search(of.lower()) and made.target == "scene" and not made.phrase:
+        return True
     of = of.lower().strip()
     phrase = made.phrase if made.phrase != "it" else ""
     if WHOLE.match(of):
@@ -276,7 +284,7 @@ def compared(made: Sequence[Change], asked: Sequence[dict[str, Any]]) -> tuple[s
     left, hits, near = list(made), 0, 0
     for each in asked:
         done = [c for c in left if does(c, each)]
-        if hit := next((c for c in done if on_target(c, each["of"])), None):
+        if hit := next((c for c in done if on_target(c, each["of"], each["do"])), None):
             hits += 1
             left.remove(hit)
         elif done:

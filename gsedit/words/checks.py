@@ -6,6 +6,7 @@ exception, in a remark, or told to be unread. Loads no torch.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 from gsedit.words.actions import OtherClauses, actions_of
@@ -15,13 +16,19 @@ from gsedit.words.instruction import Change
 from gsedit.words.lexicon import sets, things
 from gsedit.words.plain import plainly
 from gsedit.words.refusals import Refused
-from gsedit.words.scan import Word, scanned
+from gsedit.words.scan import STAND_IN, Word, scanned
 
 HELD = frozenset(
     ("color", "material", "light", "look", "style", "turn", "state", "hue", "noun", "number",
      "fraction", "factor", "direction", "shape", "finish")
 )  # fmt: skip
 """Kinds of words of which something must be made."""
+UNHELD = re.compile(
+    rf"\b(?:(?:keep|keeping|leave|leaving|preserve|spare|protect|stay|stays|staying|remain|remains|untouched|unchanged|except|excluding|other than|apart from)\b|(?:do not|dont|without|never) (?!want|like|need|see)[a-z]+ (?:the {STAND_IN}|background))"
+)
+"""Words of what stays that no frame took."""
+PLACES = frozenset(("on", "over", "in", "at", "above", "by", "behind", "of", "with", "for", "under", "around", "onto", "from", "bathe", "light", "put", "outside", "across", "near", "of"))
+"""Words before a thing on which light falls."""
 FILLERS = frozenset(things("filler"))
 """Words of which nothing is made that say no more."""
 LOOSE = frozenset(things("unheld"))
@@ -30,6 +37,13 @@ LOOSE = frozenset(things("unheld"))
 
 def meets(frames: Frames, changes: Sequence[Change]) -> str:
     """The words that say what stays where a change may meet it; "" where none does."""
+    isolated = any(c.name == "remove" and c.target == "background" for c in changes)
+    if not isolated and (held := UNHELD.search(re.sub(r"\bleaves\b", "", frames.asked))):
+        return held[0]
+    if only := re.search(rf"\b(?:only|just|solely|nothing but) (?:(?:on|for|in|at|to|with) )?the ({STAND_IN})", frames.asked):
+        told = {change.phrase for change in changes} | {"on"}
+        if not any(only[1] in each for each in told):
+            return only[0]
     for change in changes:
         if change.name in ("insert", "copy") or change.phrase.removeprefix("the ") in frames.left_out:
             continue
@@ -63,7 +77,7 @@ def unread_in(text: str, changes: Sequence[Change]) -> list[str]:
     found, before = list[str](), -2
     for at, word in enumerate(words):
         behind = any(w.kind == "behind" for w in words[:at]) and any(c.target == "background" for c in changes)
-        beside = (whole or behind) and word.value.startswith("zq")
+        beside = (whole or behind) and word.value.startswith("zq") and _led(words, at)
         beside |= _illustrates(words, at, named)
         if beside or _denied(words, at) or not _is_lost(word, at, words, told, named, bool(lit), amounts):
             continue
@@ -118,5 +132,11 @@ def _illustrates(words: list[Word], at: int, named: str) -> bool:
 
 def _near(amount: float, number: float) -> bool:
     """Whether a change's amount is what a number says: 0.2 for 20, 0.5 for 1.5, for half."""
-    said = (number, number / 100, abs(number - 1), abs(2**number - 1), number / 360, abs(number / 100 - 1))
+    said = (number, number / 100, abs(number - 1), abs(2 ** min(number, 9) - 1), number / 360, abs(number / 100 - 1))
     return any(abs(amount - each) < 0.006 for each in said)
+
+
+def _led(words: list[Word], at: int) -> bool:
+    """Whether a thing only says where a light or a weather is, or of what a picture is."""
+    before = [word.text for word in words[max(at - 3, 0) : at]]
+    return bool(set(" ".join(before).split()) & PLACES)

@@ -82,7 +82,9 @@ def _cut(frames: Frames, kind: str, pattern: re.Pattern[str]) -> None:
             frames.kept += named
             frames.left_out |= set(named) if kind == "except" else set()
             frames.said.append(match[0].strip(" ,"))
-        else:
+        elif kind == "deny":
+            frames.dropped = match[0]
+        elif kind == "limit":
             frames.weaker = True
         frames.asked = f"{frames.asked[: match.start()]} , {frames.asked[match.end() :]}" if kind != "except" else f"{frames.asked[: match.start()]} {frames.asked[match.end() :]}"
 

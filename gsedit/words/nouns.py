@@ -28,6 +28,7 @@ SIZES = frozenset(things("telling")) | frozenset(things("adjective"))
 OPINIONS = frozenset(things("opinion"))
 """Adjectives that tell no thing from another: "that ugly old pot"."""
 NO_NOUNS = frozenset(things("nothing")) | frozenset(things("loose")) | frozenset(things("filler"))
+NO_NOUNS -= {"face", "head", "faces"}
 """Words that are no things, whatever stands before them."""
 OTHERS = frozenset(things("other"))
 """Words that are no things where they have no article."""

@@ -122,7 +122,9 @@ def _parsed(words: list[Word]) -> list[Change]:
     if reading.unsaid:
         raise Refused("direction")
     emits = lexicon.sets()["emits"]
-    merged = _merged(_limited(reading.changes, reading))
+    if reading.limits:
+        raise Refused("kept", " ".join(word.text for word in reading.limits))
+    merged = _merged(_for_others(reading.changes, reading))
     return sorted(merged, key=lambda change: bool(emits & set(change.name.split())))
 
 
@@ -314,32 +316,14 @@ def _alone(clause: Clause) -> bool:
     )
 
 
-def _limited(changes: list[Change], reading: Reading) -> list[Change]:
-    """Changes that keep to what the sentence leaves alone. Raises Refused."""
-    kinds = {word.kind for word in reading.limits}
+def _for_others(changes: list[Change], reading: Reading) -> list[Change]:
+    """Changes of "everything else" as those of what the others are not of."""
     named = {change.target for at, change in enumerate(changes) if at not in reading.others}
-    kept = set[Target]()
-    if kinds & {"background", "ground", "place"}:
-        kept.add("background")
-    if kinds & {"subject", "unknown"}:
-        kept.add("subject")
-    if "rest" in kinds:
-        kept.add("subject" if "background" in {*named, reading.part} else "background")
-    if len(kept) > 1 or "scene" in kinds:
-        raise Refused("negation")
-    rest: Target = "subject" if "background" in kept | named else "background"
-    changes = [
-        replace(change, target=rest) if at in reading.others else change
-        for at, change in enumerate(changes)
+    rest: Target = "subject" if "background" in named else "background"
+    return [
+        replace(each, target=rest) if at in reading.others else each
+        for at, each in enumerate(changes)
     ]
-    if not kept:
-        return changes
-    other: Target = "background" if "subject" in kept else "subject"
-    if all(change.target in kept for change in changes):
-        if "rest" not in kinds and all(change.kind == "tone" for change in changes):
-            raise Refused("negation")
-        kept = set()
-    return [each if each.target in kept else replace(each, target=other) for each in changes]
 
 
 def _merged(changes: list[Change]) -> list[Change]:

@@ -12,15 +12,19 @@ WHO = rf"(?:it|he|she|they|this|that|these|those|there|i|we|you|my [a-z]+|our [a
 REMARK = re.compile(
     rf"(?:and |but |so |because |since |as |cause |cuz |cos |though |although |while |when |well |oh |honestly |frankly |sadly |at the moment |right now |now |currently |, )*"
     rf"{WHO} (?:just |really |always |still |all |both |only |simply |also |never |kind of |sort of |kinda |currently )*"
-    rf"(?:is|are|am|was|were|be|looks?|feels?|seems?|appears?|has|have|had|got|gets?|came|comes|do|does|did|can|ca|could not|will|would not|love|loves|like|likes|hate|hates|think|thinks|know|knows|remember|miss|find|prefer|saw|see|sees|bought|made|took|photographed|shot|scanned|captured|painted|built|went|live|lived|grew|need not|reminds|makes|hurts|hurt|sits|stands|ruins|spoils|bothers|annoys|distracts|drives|wo|might|may|stopped|stole|gave|belonged|belongs|lost|dries|died|forgot|said|told|mean|promise|swear|guess|suppose|sat|used|stays|pops?|stands out|shows?|sells?)\b"
+    rf"(?:is|are|am|was|were|be|looks?|feels?|seems?|appears?|has|have|had|got|gets?|came|comes|do|does|did|can|ca|could not|will|would not|love|loves|like|likes|hate|hates|think|thinks|know|knows|remember|miss|find|prefer|saw|see|sees|bought|made|took|photographed|shot|scanned|captured|painted|built|went|live|lived|grew|need not|reminds|makes|hurts|hurt|sits|stands|ruins|spoils|bothers|annoys|distracts|drives|wo|might|may|stopped|stole|gave|belonged|belongs|lost|dries|died|forgot|said|told|mean|promise|swear|guess|suppose|sat|used|pops?|stands out|shows?|sells?)\b"
 )
 ASKS = re.compile(
     r"\b(?:should|must|want|wants|wish|need|needs|would like|would love|would prefer|would be|let|ought|please|has to|have to|is to|are to|supposed to|could be|can be|can we|can you|could you|make it|make them)\b|\bsaid\b|\btold\b|\bnot (?:want|like)\b"
 )
 
 
+HOLDS = re.compile(
+    r"\b(?:keep|keeps|kept|leave|stay|stays|staying|remain|remains|same|clear|real|normal|untouched|spare|except|only|without|still want|still see|visible|alone|as is|unchanged)\b"
+)
+"""Words of what stays: a clause with a thing and one of them is no remark."""
 RUN_ON = re.compile(
-    r"(?<=[a-z%0-9])(?<!make)(?<!making)(?<!let)(?<!have)(?<!want)(?<!see)(?<!get)(?<!keep)(?<!if)(?<!that)(?<!when)(?<!as)(?<!though)(?<!so)(?<!because)(?<!like)(?<!where)(?<!what)(?<!how)(?<!than)(?<!since)(?<!until)(?<!should)(?<!could)(?<!can)(?<!may)(?<!does)(?<!do)(?<!and)(?<!but)(?<!or) (?:pls |please )?(?=(?:(?:i|we) (?:can|could|am|do|did|want|need|like|love|hate|think|have|had|ca|see)|(?:it|he|she|they|its|their) (?:is|are|looks?|feels?|seems?|should|ugly|too|way|all|so|really)|there is|i m|its (?:ugly|too|way|so|really|boring|not)) )"
+    r"(?<=[a-z%0-9])(?<!make)(?<!making)(?<!let)(?<!have)(?<!want)(?<!see)(?<!get)(?<!keep)(?<!if)(?<!that)(?<!when)(?<!as)(?<!though)(?<!so)(?<!because)(?<!like)(?<!where)(?<!what)(?<!how)(?<!than)(?<!since)(?<!until)(?<!should)(?<!could)(?<!can)(?<!may)(?<!does)(?<!do)(?<!and)(?<!but)(?<!or) (?:pls |please )?(?=(?:(?:i|we) (?:can|could|am|do|did|want|need|like|love|hate|think|have|had|ca|see)|(?:it|he|she|they|its|their) (?:is|are|looks?|feels?|seems?|should|ugly|too|way|all|so|really)|make (?:it|them|him|her) (?:look|more|less|a |all)|there is|i m|its (?:ugly|too|way|so|really|boring|not)) )"
 )
 """Where another clause begins without a mark."""
 LIKENED = re.compile(
@@ -57,6 +61,7 @@ def without_remarks(text: str) -> Iterator[str]:
         reason = mark.split()[-1:] and mark.split()[-1] in ("because", "since", "cause", "cuz", "cos", "coz", "so that", "as") or mark.endswith("so that")
         asif = part.startswith(("as if", "as though")) or (mark.endswith("as") and part.startswith(("if", "though")))
         is_remark = (bool(REMARK.match(part)) or bool(reason)) and not ASKS.search(part) and not asif
+        is_remark &= not (HOLDS.search(part) and re.search(STAND_IN, part))
         remark |= is_remark
         if not is_remark:
             kept.append(whole if kept else part)

@@ -19,6 +19,7 @@ SPELLINGS = (
     (r"\b(?:at )?(?:half|quarter) past \w+\b|\b(?:at )?\w+ o'?clock\b", ""),
     (r"colou?r", "color"),
     (r"^(?:why|how come) (?:is|are) ((?:the |my |this )?[a-z]+(?: [a-z]+)?) (so|too|all) ", r"\1 is too "),
+    (r"\b(its|it is|is|are|way) (?:two|to) (?=dark|bright|cold|warm|big|small|dull|light|red|blue|yellow|green)", r"\1 too "),
     (r"\bexcl\b\.?|\bexept\b|\bexcpt\b", "except"), (r"\bw/o\b", "without"),
     (r"\b(everything|all) less the\b", r"\1 except the"),
     (r"\bdesat(?:\b|(?= ))", "desaturate"), (r"\bsat\.?(?= ?[-+x\d]|\b(?= (?:down|up|by|on|of|to)\b))", "saturation"),
