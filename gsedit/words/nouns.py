@@ -128,6 +128,7 @@ def _phrase(words: Sequence[Word], at: int) -> tuple[int, int]:
         return _value_end(words, at + 1), 0
     if word.text in DEFINITE:
         head = _head(words, at + 1, len(words) > at + 1 and word.text in ("the", "this", "that"))
+        head = head or _held(words, at)
         return (at, _related(words, at, head)) if head else (at + 1, 0)
     if word.kind not in HEADS or word.text in NO_NOUNS or word.text[0] == "<":
         return at + 1, 0
@@ -144,6 +145,17 @@ def _phrase(words: Sequence[Word], at: int) -> tuple[int, int]:
     if all(each.kind in ("unknown", "poss") for each in run) and not _names_thing(words, at, end):
         return end, 0
     return _start(words, at), _related(words, at, end)
+
+
+def _held(words: Sequence[Word], at: int) -> int:
+    """End of what stays, whatever its words mean: "leave the candles", "the corks stay"; or 0."""
+    before = words[at - 1] if at else Word("", "mark", "")
+    ends = (*ENDS, "keep", "same", "be", "limit", "wish")
+    end = next((i for i in range(at + 1, len(words)) if words[i].kind in ends), len(words))
+    after = words[end].kind if end < len(words) else "mark"
+    led = before.kind in ("keep", "except") or before.text in ("without", "not", "touch")
+    short = 0 < end - at - 1 <= 3
+    return end if short and ((led and after in ENDS) or after in ("keep", "same")) else 0
 
 
 def _value_end(words: Sequence[Word], at: int) -> int:
@@ -172,6 +184,10 @@ def _head(words: Sequence[Word], at: int, plain: bool) -> int:
         ):
             break
         at += 1
+    first = words[start] if start < len(words) else Word("", "mark", "")
+    plural = first.text[-1:] == "s" and first.text[-2:-1] not in ("s", "u", "i")
+    if not head and plural and first.kind in ("material", "look", "light") and first.text != "lights":
+        return start + 1
     if not head and plain and at == start + 1 and words[start].kind == "material":
         before = words[start - 2].text if start > 1 else ""
         dropped = any(word.kind == "drop" for word in words[:start])

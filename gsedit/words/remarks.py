@@ -20,7 +20,7 @@ ASKS = re.compile(
 
 
 HOLDS = re.compile(
-    r"\b(?:keep|keeps|kept|leave|stay|stays|staying|remain|remains|same|clear|real|normal|untouched|spare|except|only|without|still want|still see|visible|alone|as is|unchanged)\b"
+    r"\b(?:keep|keeps|kept|leave|stay|stays|staying|remain|remains|same|clear|clean|dry|real|normal|untouched|spare|except|only|without|still want|still see|visible|alone|as is|unchanged)\b"
 )
 """Words of what stays: a clause with a thing and one of them is no remark."""
 RUN_ON = re.compile(
@@ -61,7 +61,8 @@ def without_remarks(text: str) -> Iterator[str]:
         reason = mark.split()[-1:] and mark.split()[-1] in ("because", "since", "cause", "cuz", "cos", "coz", "so that", "as") or mark.endswith("so that")
         asif = part.startswith(("as if", "as though")) or (mark.endswith("as") and part.startswith(("if", "though")))
         is_remark = (bool(REMARK.match(part)) or bool(reason)) and not ASKS.search(part) and not asif
-        is_remark &= not (HOLDS.search(part) and re.search(STAND_IN, part))
+        held = HOLDS.search(part) or re.search(r"\b(?:but|though|although|while|yet|whereas)\b", mark)
+        is_remark &= not (held and re.search(STAND_IN, part))
         remark |= is_remark
         if not is_remark:
             kept.append(whole if kept else part)
