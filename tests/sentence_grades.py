@@ -58,7 +58,7 @@ def plain(made: dict[str, Any], asked: dict[str, Any]) -> dict[str, Any]:
 
 def names_part(phrase: str) -> bool:
     """Whether a phrase names a part of a thing, as "the ears"."""
-    return any(word.kind == "part" for word in scanned(phrase))
+    return any(word.kind == "part" or word.text == "head" for word in scanned(phrase))
 
 
 def bare(phrase: str) -> str:

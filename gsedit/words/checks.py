@@ -24,9 +24,13 @@ HELD = frozenset(
 )  # fmt: skip
 """Kinds of words of which something must be made."""
 UNHELD = re.compile(
-    rf"\b(?:(?:keep|keeping|leave|leaving|preserve|spare|protect|stay|stays|staying|remain|remains|untouched|unchanged|except|excluding|other than|apart from)\b|(?:do not|dont|without|never) (?!want|like|need|see)[a-z]+ (?:the {STAND_IN}|background))"
+    rf"\b(?:(?:keep|keeping|leave|leaving|preserve|spare|protect|stay|stays|staying|remain|remains|untouched|unchanged|except|excluding|other than|apart from|no need)\b|but (?:not )?(?:the|its|his|her|my|their|your) (?!zq)|(?:do|does|must|should|may|can|shall) not (?:be |get )?(?:change|changed|touch|touched|alter|altered)\b|(?:is|are|be|see .*) (?:clear|clean|dry|free)\b|(?:do not|dont|without|never) (?!want|like|need|see)[a-z]+ (?:the {STAND_IN}|background))"
 )
 """Words of what stays that no frame took."""
+HARD = frozenset(things("hard"))
+"""Words that always stop where nothing is made of them."""
+QUALITIES = frozenset(things("other")) | frozenset(things("adjective")) | frozenset(things("opinion"))
+"""Words for how something is done, or is."""
 PLACES = frozenset(("on", "over", "in", "at", "above", "by", "behind", "of", "with", "for", "under", "around", "onto", "from", "bathe", "light", "put", "outside", "across", "near", "of"))
 """Words before a thing on which light falls."""
 FILLERS = frozenset(things("filler"))
@@ -140,3 +144,13 @@ def _led(words: list[Word], at: int) -> bool:
     """Whether a thing only says where a light or a weather is, or of what a picture is."""
     before = [word.text for word in words[max(at - 3, 0) : at]]
     return bool(set(" ".join(before).split()) & PLACES)
+
+
+def stops(words: str) -> bool:
+    """Whether words that are not read stop the rest: a quality that is not made only is told."""
+    typed = scanned(words)
+    soft = [
+        word.kind in ("finish", "state", "intense", "fill") or word.text in QUALITIES or word.has("adj")
+        for word in typed
+    ]
+    return not all(soft) or any(word.text in HARD for word in typed)

@@ -11,7 +11,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 
 from gsedit.words.instruction import Change
-from gsedit.words.lexicon import things
+from gsedit.words.lexicon import SLOTS, rows_of, things
 from gsedit.words.scan import DETERMINERS, STAND_IN, Word, scanned
 
 DEFINITE = DETERMINERS | {"these", "those", "its", "both", "all", "every", "each"}
@@ -21,16 +21,17 @@ HEADS = frozenset(("unknown", "subject", "ground", "part"))
 MODIFIERS = HEADS | {"color", "material", "finish", "direction", "place", "number"}
 """Kinds of words that may stand before a noun."""
 ONES = frozenset(("one", "ones", "thing", "things", "object", "objects", "item", "items", "side",
-                  "half", "part", "parts", "bit", "bits", "area", "areas", "stuff", "piece"))  # fmt: skip
+                  "frame", "frames", "half", "part", "parts", "bit", "bits", "area", "areas", "stuff", "piece"))  # fmt: skip
 """Nouns that the lexicon has as other words."""
 SIZES = frozenset(things("telling")) | frozenset(things("adjective"))
 """Adjectives that the lexicon has as other words."""
 OPINIONS = frozenset(things("opinion"))
 """Adjectives that tell no thing from another: "that ugly old pot"."""
 NO_NOUNS = frozenset(things("nothing")) | frozenset(things("loose")) | frozenset(things("filler"))
-NO_NOUNS -= {"face", "head", "faces"}
+NO_NOUNS -= {"face", "faces", "head", "foreground"}
 """Words that are no things, whatever stands before them."""
-OTHERS = frozenset(things("other"))
+VERBS = [word for kind, _, row in rows_of(SLOTS) if kind == "verb" for word in row]
+OTHERS = frozenset(things("other")) | {word for each in VERBS for word in each.split()[:1]}
 """Words that are no things where they have no article."""
 RELATIONS = re.compile(
     r"(?:to the|on the|at the|in the)? ?(?:left|right|front|top|bottom|back|edge|middle|center)?"
@@ -38,7 +39,7 @@ RELATIONS = re.compile(
     r"|below|by|on|in|at|inside|around|between|along|with|from)"
 )
 WHERE = re.compile(
-    r"(?:(?:on|to|at|in) the )?(?:far )?(?:left|right|back|front|middle|center|top|bottom|rear"
+    r"(?:on|at|in) the (?:far )?(?:left|right|back|front|middle|center|top|bottom|rear"
     r"|corner|background|foreground|distance)(?: (?:side|hand side|corner|edge))?"
     r"|behind|upstairs"
 )
@@ -154,7 +155,7 @@ def _held(words: Sequence[Word], at: int) -> int:
     end = next((i for i in range(at + 1, len(words)) if words[i].kind in ends), len(words))
     after = words[end].kind if end < len(words) else "mark"
     led = before.kind in ("keep", "except") or before.text in ("without", "not", "touch")
-    short = 0 < end - at - 1 <= 3
+    short = 0 < end - at - 1 <= 3 and words[end - 1].kind not in ("background", "rest", "scene", "noun", "place")
     return end if short and ((led and after in ENDS) or after in ("keep", "same")) else 0
 
 
@@ -170,7 +171,7 @@ def _head(words: Sequence[Word], at: int, plain: bool) -> int:
     start, head = at, 0
     while at < len(words):
         word = words[at]
-        noun = word.kind in HEADS or word.text in ONES
+        noun = word.kind in HEADS or word.text in ONES and (head or word.text not in ("frame", "frames"))
         if word.text in NO_NOUNS or (head and word.text in OTHERS) or STAND_IN_WORD.fullmatch(word.text):
             break
         if noun:
@@ -186,6 +187,10 @@ def _head(words: Sequence[Word], at: int, plain: bool) -> int:
         at += 1
     first = words[start] if start < len(words) else Word("", "mark", "")
     plural = first.text[-1:] == "s" and first.text[-2:-1] not in ("s", "u", "i")
+    follows = words[start + 1] if start + 1 < len(words) else Word("", "mark", "")
+    told = follows.kind in ("be", "wish", "keep", "same") or follows.text in ("does", "do")
+    if not head and told and first.kind in ("material", "look", "light", "finish") and len(words) > start + 2:
+        return start + 1
     if not head and plural and first.kind in ("material", "look", "light") and first.text != "lights":
         return start + 1
     if not head and plain and at == start + 1 and words[start].kind == "material":

@@ -11,7 +11,7 @@ from collections.abc import Collection
 from dataclasses import replace
 
 from gsedit.words.actions import FILE
-from gsedit.words.checks import meets, unread_in
+from gsedit.words.checks import meets, stops, unread_in
 from gsedit.words.clauses import NEGATIONS
 from gsedit.words.frames import NOUN, Frames, framed
 from gsedit.words.instruction import MOST, Change, Instruction
@@ -53,7 +53,7 @@ def read_instruction(
         return Instruction(sentence, False, REASONS[kind], (), kind)
     told = tuple(map(nouns.told, changes))
     text, left = "; ".join(map(str, told)), tuple(nouns.restored(each) for each in unread)
-    if left and not accept_unread:
+    if any(map(stops, left)) and not accept_unread:
         quoted = ", ".join(repr(each) for each in left)
         why = f"read: {text}; not read: {quoted}. Run it without?"
         return Instruction(sentence, False, why, (), "unread", left)
@@ -84,6 +84,10 @@ def _read(
         changes = [_weaker(change) for change in changes]
     if frames.kept:
         changes = [_but(change, frames) for change in changes]
+        out = {f"the {each}" for each in frames.left_out if each.startswith("zq")}
+        missed = out - {p for c in changes for p in (*c.keep, c.phrase if c.target == "background" else "")}
+        if missed:
+            raise Refused("kept", frames.said[0])
     elif any(c.name == "remove" and c.target == "scene" for c in changes):
         raise Refused("everything")
     if any(not -1 <= (c.amount or 0) <= MOST.get(c.kind, 0) for c in changes if c.kind not in ("object", "growth")):
@@ -109,8 +113,8 @@ def _best(frames: Frames) -> tuple[list[Change], list[str]]:
             refused = refused or error
             continue
         changes = _corrected(changes, text, frames)
-        unread = unread_in(text, changes)
-        if best is None or len(unread) < len(best[1]):
+        unread = sorted(unread_in(text, changes), key=stops)
+        if best is None or _cost(unread) < _cost(best[1]):
             best = changes, unread
         if not unread:
             break
@@ -119,9 +123,15 @@ def _best(frames: Frames) -> tuple[list[Change], list[str]]:
     return best
 
 
+def _cost(unread: list[str]) -> int:
+    """How much is not read: a word that stops the rest counts most."""
+    return sum(10 if stops(each) else 1 for each in unread)
+
+
 def _corrected(changes: list[Change], text: str, frames: Frames) -> list[Change]:
     """Changes of the thing that was named in what was taken back: "the bear red, no, blue"."""
-    said = frames.dropped or (frames.asked if REFERS.search(text) else "")
+    before = frames.asked[: max(frames.asked.find(text[:16]), 0)]
+    said = frames.dropped or (before if REFERS.search(text) else "")
     found = NOUN.findall(said)
     if not found or NOUN.search(text):
         return changes

@@ -15,7 +15,7 @@ REMARK = re.compile(
     rf"(?:is|are|am|was|were|be|looks?|feels?|seems?|appears?|has|have|had|got|gets?|came|comes|do|does|did|can|ca|could not|will|would not|love|loves|like|likes|hate|hates|think|thinks|know|knows|remember|miss|find|prefer|saw|see|sees|bought|made|took|photographed|shot|scanned|captured|painted|built|went|live|lived|grew|need not|reminds|makes|hurts|hurt|sits|stands|ruins|spoils|bothers|annoys|distracts|drives|wo|might|may|stopped|stole|gave|belonged|belongs|lost|dries|died|forgot|said|told|mean|promise|swear|guess|suppose|sat|used|pops?|stands out|shows?|sells?)\b"
 )
 ASKS = re.compile(
-    r"\b(?:should|must|want|wants|wish|need|needs|would like|would love|would prefer|would be|let|ought|please|has to|have to|is to|are to|supposed to|could be|can be|can we|can you|could you|make it|make them)\b|\bsaid\b|\btold\b|\bnot (?:want|like)\b"
+    r"\b(?:should|must|want|wants|wish|need|needs|would like|would love|would prefer|would be|let|ought|please|has to|have to|is to|are to|supposed to|could be|can be|can we|can you|could you|make it|make them)\b|\bsaid\b|\btold\b|\bnot (?:want|like)\b(?! (?:it|them|that|this|him|her)\b)"
 )
 
 
@@ -23,8 +23,13 @@ HOLDS = re.compile(
     r"\b(?:keep|keeps|kept|leave|stay|stays|staying|remain|remains|same|clear|clean|dry|real|normal|untouched|spare|except|only|without|still want|still see|visible|alone|as is|unchanged)\b"
 )
 """Words of what stays: a clause with a thing and one of them is no remark."""
+FEELING = re.compile(
+    r"(?:i|we|he|she|nobody|they|it|that|this) (?:really |just |never |do not |does not )*(?:like|liked|likes|need|needs|want|wants|annoys|bothers|bugs|hates|hate) (?:it|them|that|this|him|her|me|us)(?: [a-z]+)?"
+    r"|(?:that|it|this) would be (?:great|nice|lovely|good|perfect|wonderful|awesome|cool|fine|amazing|super)(?: [a-z]+)?"
+)
+"""What somebody feels."""
 RUN_ON = re.compile(
-    r"(?<=[a-z%0-9])(?<!make)(?<!making)(?<!let)(?<!have)(?<!want)(?<!see)(?<!get)(?<!keep)(?<!if)(?<!that)(?<!when)(?<!as)(?<!though)(?<!so)(?<!because)(?<!like)(?<!where)(?<!what)(?<!how)(?<!than)(?<!since)(?<!until)(?<!should)(?<!could)(?<!can)(?<!may)(?<!does)(?<!do)(?<!and)(?<!but)(?<!or) (?:pls |please )?(?=(?:(?:i|we) (?:can|could|am|do|did|want|need|like|love|hate|think|have|had|ca|see)|(?:it|he|she|they|its|their) (?:is|are|looks?|feels?|seems?|should|ugly|too|way|all|so|really)|make (?:it|them|him|her) (?:look|more|less|a |all)|there is|i m|its (?:ugly|too|way|so|really|boring|not)) )"
+    r"(?<=[a-z%0-9])(?<!make)(?<!making)(?<!let)(?<!have)(?<!want)(?<!see)(?<!get)(?<!keep)(?<!if)(?<!that)(?<!when)(?<!as)(?<!though)(?<!so)(?<!because)(?<!like)(?<!where)(?<!what)(?<!how)(?<!than)(?<!since)(?<!until)(?<!should)(?<!could)(?<!can)(?<!may)(?<!does)(?<!do)(?<!and)(?<!but)(?<!or) (?:pls |please )?(?=(?:(?:i|we) (?:can|could|am|do|did|want|need|like|love|hate|think|have|had|ca|see)|(?:it|he|she|they|its|their) (?:is|are|looks?|feels?|seems?|should|ugly|too|way|all|so|really)|(?:can|could|would|will) (?:u|you)|make (?:it|them|him|her) (?:look|more|less|a |all)|there is|i m|its (?:ugly|too|way|so|really|boring|not)) )"
 )
 """Where another clause begins without a mark."""
 LIKENED = re.compile(
@@ -62,6 +67,7 @@ def without_remarks(text: str) -> Iterator[str]:
         asif = part.startswith(("as if", "as though")) or (mark.endswith("as") and part.startswith(("if", "though")))
         is_remark = (bool(REMARK.match(part)) or bool(reason)) and not ASKS.search(part) and not asif
         held = HOLDS.search(part) or re.search(r"\b(?:but|though|although|while|yet|whereas)\b", mark)
+        is_remark |= bool(FEELING.fullmatch(part))
         is_remark &= not (held and re.search(STAND_IN, part))
         remark |= is_remark
         if not is_remark:

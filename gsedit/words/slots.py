@@ -8,14 +8,14 @@ from __future__ import annotations
 import re
 
 from gsedit.words.instruction import Change, Place, Side
-from gsedit.words.lexicon import rows_of, things
+from gsedit.words.lexicon import SLOTS, rows_of, things
 from gsedit.words.phrases import IT
 from gsedit.words.refusals import Refused
 from gsedit.words.scan import STAND_IN, scanned
 
 TABLE = {
-    (kind, value): "|".join(sorted((re.escape(each) for each in phrases), key=len, reverse=True))
-    for kind, value, phrases in rows_of(__import__("pathlib").Path(__file__).with_name("slots.txt"))
+    (kind, value): "|".join(sorted(map(re.escape, phrases), key=len, reverse=True))
+    for kind, value, phrases in rows_of(SLOTS)
 }
 """Alternatives of words by kind and value."""
 NUMBERS = {
@@ -172,7 +172,7 @@ def _turn(clause: Clause) -> Change | None:
     clause.take(r"(?:on|about|around|toward|towards|to|from|seen from|viewed from) (?:the )?(?:zq[a-z][a-z]x|lens|camera|us|me|top|above|spot|axis|y|z)(?: axis)?")
     if not verb or phrase is None or not clause.is_empty:
         return None
-    share = round((-degrees if way == "right" else degrees) / 360, 6)
+    share = round((-abs(degrees) if way == "right" else degrees) / 360, 6)
     return _object("turn", phrase, share) if share % 1 else None
 
 
