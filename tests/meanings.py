@@ -25,9 +25,15 @@ GOOD = ("right", "rightly refused")
 SCENIC = ("light", "weather", "look")
 LAYERS = ("material", "cover", "paint")
 OBJECTS = ("remove", "scale", "turn", "move", "copy", "insert")
-WHOLE = re.compile(r"^(?:the )?(?:whole |entire )?(?:scene|picture|photo|image|everything|it all|shot|frame|view|render|all)$")
-REST = re.compile(r"\b(?:rest|else|others?|background|surroundings?|backdrop|bg|environment|everything|scene|around)\b")
-IT = re.compile(r"^(?:it|him|her|them|this|that|these|those|the (?:subject|main thing|thing|object|model)|subject)$")
+WHOLE = re.compile(
+    r"^(?:the )?(?:whole |entire )?(?:scene|picture|photo|image|everything|it all|shot|frame|view|render|all)$"
+)
+REST = re.compile(
+    r"\b(?:rest|else|others?|background|surroundings?|backdrop|bg|environment|everything|scene|around)\b"
+)
+IT = re.compile(
+    r"^(?:it|him|her|them|this|that|these|those|the (?:subject|main thing|thing|object|model)|subject)$"
+)
 ALIKE = [
     {"overcast", "cloudy", "cloud", "grey", "gray", "flat"}, {"fog", "mist", "misty", "haze", "foggy", "hazy"},
     {"noon", "midday"}, {"candlelight", "candle", "fire", "firelight", "torchlight", "lamp", "lantern"},
@@ -64,7 +70,9 @@ ALIKE = [
     {"tin", "pewter", "zinc", "lead"}, {"white", "alabaster", "marble"}, {"tile", "tiles", "ceramic"},
 ]  # fmt: skip
 """Words that are near enough for the eyes of a person who asked for one of them."""
-IDLE = frozenset("a an the of in with like made style look light painting effect and on from to very".split())
+IDLE = frozenset(
+    "a an the of in with like made style look light painting effect and on from to very".split()
+)
 
 
 def words_of(text: str) -> set[str]:
@@ -80,7 +88,9 @@ def alike(made: str, asked: str) -> bool:
     if any(group & one and group & other for group in ALIKE):
         return True
     values = {w.value for w in scanned(asked) if w.kind in ("material", "look", "light", "style")}
-    return any(value == made or value in made.split(" from ")[0].split(" with ") for value in values)
+    return any(
+        value == made or value in made.split(" from ")[0].split(" with ") for value in values
+    )
 
 
 def color_of(name: str) -> str | None:
@@ -90,7 +100,10 @@ def color_of(name: str) -> str | None:
 def head(phrase: str) -> str:
     """Head noun of a phrase, in the singular."""
     phrase = re.sub(r"[’']s\b", " 's", phrase.lower())
-    phrase = re.split(r" (?:on|in|at|behind|under|by|next|with|near|of|from|above|below|around|over|beside|that|to|standing|between|facing|off|along|where|outside|inside|across|against|holding|nearest|closest|left|right|lhs|rhs)\b", phrase)[0]
+    phrase = re.split(
+        r" (?:on|in|at|behind|under|by|next|with|near|of|from|above|below|around|over|beside|that|to|standing|between|facing|off|along|where|outside|inside|across|against|holding|nearest|closest|left|right|lhs|rhs)\b",
+        phrase,
+    )[0]
     found = re.findall(r"[\w#-]+", phrase) or [""]
     last = found[-1]
     return last[:-1] if last.endswith("s") and len(last) > 3 else last
@@ -104,31 +117,52 @@ def same_thing(one: str, other: str) -> bool:
     return head(one) in words_of(other) and head(other) in words_of(one)
 
 
-PLACE = re.compile(r"\b(?:garden|park|courtyard|room|yard|landscape|kitchen|hall|studio|cafe|shop|street|village|museum|cellar|library|workshop|cave|church|market|souk|temple|house|whole thing|place|outside|sky)$")
+PLACE = re.compile(
+    r"\b(?:garden|park|courtyard|room|yard|landscape|kitchen|hall|studio|cafe|shop|street|village|museum|cellar|library|workshop|cave|church|market|souk|temple|house|whole thing|place|outside|sky)$"
+)
 """Nouns of places, in which all of the scene is."""
 
 
 def on_target(made: Change, of: str, do: str = "") -> bool:
     """Whether a change is of what was meant: light, and weather, fall on all that is there."""
-    if do in ("light", "weather") and made.target == "scene" and not made.phrase and "but" not in of and "except" not in of:
+    if (
+        do in ("light", "weather")
+        and made.target == "scene"
+        and not made.phrase
+        and "but" not in of
+        and "except" not in of
+    ):
         return True
     if PLACE.search(of.lower()) and made.target == "scene" and not made.phrase:
         return True
     of = of.lower().strip()
     phrase = made.phrase if made.phrase != "it" else ""
     if WHOLE.match(of):
-        return made.target == "scene" and not phrase or (made.target == "background" and bool(phrase))
+        return (
+            made.target == "scene" and not phrase or (made.target == "background" and bool(phrase))
+        )
     if IT.match(of):
         return not phrase and made.target in ("scene", "subject") or bool(IT.match(phrase))
-    if but := re.match(r"(?:everything|all|everywhere|the rest|scene|the scene|whole scene)(?: \w+)? (?:but|except|except for|apart from|other than|besides)(?: for)? (.+)", of):
+    if but := re.match(
+        r"(?:everything|all|everywhere|the rest|scene|the scene|whole scene)(?: \w+)? (?:but|except|except for|apart from|other than|besides)(?: for)? (.+)",
+        of,
+    ):
         things = re.split(r",| and ", but[1])
         told = [phrase, *made.keep]
         if made.target != "background":
             return False
-        return all(any(same_thing(t, each) for each in told if each) or (not phrase and IT.match(t.strip()) is not None) for t in things)
+        return all(
+            any(same_thing(t, each) for each in told if each)
+            or (not phrase and IT.match(t.strip()) is not None)
+            for t in things
+        )
     if REST.search(of) and not re.search(r"behind|above", of):
         return made.target == "background" or head(phrase) in ("background", "rest", "surrounding")
-    if made.target == "background" and not phrase and head(of) in words_of("sky ground floor grass lawn wall tree"):
+    if (
+        made.target == "background"
+        and not phrase
+        and head(of) in words_of("sky ground floor grass lawn wall tree")
+    ):
         return False
     return bool(phrase) and made.target == "subject" and same_thing(phrase, of)
 
@@ -154,7 +188,12 @@ def does(made: Change, asked: dict[str, Any]) -> bool:
         if made.kind == "tone":
             return made.name in ("grayscale", "sepia", "negative") and alike(made.name, name)
         side = str(asked.get("side", ""))
-        sided = side in ("", "front") or side in str(made) or (side == "above" and "noon" in made.name) or (side == "behind" and "back" in made.name)
+        sided = (
+            side in ("", "front")
+            or side in str(made)
+            or (side == "above" and "noon" in made.name)
+            or (side == "behind" and "back" in made.name)
+        )
         return made.kind in ("light", "look", "growth") and sided and alike(made.name, name)
     if made.kind == "object" and made.name == do:
         return object_done(made, asked)
@@ -181,7 +220,9 @@ def tone_done(made: Change, asked: dict[str, Any]) -> bool:
         return amount in (None, 1, 1.0)
     if made.name != name or (made.amount or 0) * sign <= 0:
         return False
-    return amount is None or abs(abs(made.amount or 0) - abs(amount)) <= max(0.07, 0.3 * abs(amount))
+    return amount is None or abs(abs(made.amount or 0) - abs(amount)) <= max(
+        0.07, 0.3 * abs(amount)
+    )
 
 
 def hue_done(made: Change, asked: dict[str, Any]) -> bool:
@@ -193,7 +234,9 @@ def hue_done(made: Change, asked: dict[str, Any]) -> bool:
         return False
     if not wanted or not made.color:
         return True
-    return (colors.lab_of(made.color)[1:] @ colors.lab_of(wanted)[1:]) * (made.amount or 1) * sign > 0
+    return (colors.lab_of(made.color)[1:] @ colors.lab_of(wanted)[1:]) * (
+        made.amount or 1
+    ) * sign > 0
 
 
 def near_color(color: str | None, name: str, most: float) -> bool:
@@ -218,7 +261,9 @@ def object_done(made: Change, asked: dict[str, Any]) -> bool:
         case "move" | "copy" | "insert":
             if asked["do"] == "copy" and (amount or 1) != (made.amount or 1):
                 return False
-            side = next((s for s in ("left", "right", "up", "down") if re.search(rf"\b{s}\b", to)), None)
+            side = next(
+                (s for s in ("left", "right", "up", "down") if re.search(rf"\b{s}\b", to)), None
+            )
             if side and made.place and made.place.side in ("left", "right", "up", "down"):
                 return made.place.side == side
             return True
@@ -233,11 +278,16 @@ def opposed(made: Change, asked: dict[str, Any]) -> bool:
     name = {"exposure": "brightness"}.get(str(asked.get("name")), asked.get("name"))
     if asked["do"] == "tone":
         return made.kind == "tone" and made.name == name and name != "hue"
-    return asked["do"] in ("scale", "turn") and made.kind == "object" and made.name == asked["do"] and abs(said) != 0.5
+    return (
+        asked["do"] in ("scale", "turn")
+        and made.kind == "object"
+        and made.name == asked["do"]
+        and abs(said) != 0.5
+    )
 
 
 def kept(made: Change, keep: str) -> str:
-    """"" where a change leaves a kept thing alone for sure; "lost" where that is not told;
+    """ "" where a change leaves a kept thing alone for sure; "lost" where that is not told;
     "hit" where it changes."""
     phrase = made.phrase if made.phrase != "it" else ""
     if made.name in ("insert", "copy"):
@@ -249,7 +299,9 @@ def kept(made: Change, keep: str) -> str:
         return ""
     if IT.match(keep.lower()) and made.target == "subject" and phrase:
         return "lost"
-    if REST.search(keep.lower()) and not re.search(r"behind the|of the (?!scene|picture|photo|image|room)", keep.lower()):
+    if REST.search(keep.lower()) and not re.search(
+        r"behind the|of the (?!scene|picture|photo|image|room)", keep.lower()
+    ):
         return "" if made.target == "subject" or (made.target == "background" and out) else "hit"
     if made.target in ("scene", "background"):
         return "hit"
@@ -270,7 +322,9 @@ def grade(entry: dict[str, Any], read: Instruction) -> tuple[str, bool]:
         result, missing = compared(read.changes, asked)
         if RANK.index(result) < RANK.index(best):
             best, lost = result, missing
-    if "hit" in keeps or (best == "wrong" and any(opposed(c, a) for c in read.changes for a in entry["changes"])):
+    if "hit" in keeps or (
+        best == "wrong" and any(opposed(c, a) for c in read.changes for a in entry["changes"])
+    ):
         return "OPPOSITE", True
     if "lost" in keeps and best == "right":
         return "partly", True
@@ -331,16 +385,26 @@ def main(args: list[str]) -> None:
         for entry, result, silent, read in every:
             if result not in GOOD:
                 keep = f" keep {entry.get('keep')}" if entry.get("keep") else ""
-                meant = "; ".join(f"{c['do']} {c.get('name', '')} of {c['of']} {c.get('sign', '')} {c.get('amount', '')} {c.get('to', '')}" for c in entry["changes"])
-                sys.stdout.write(f"{result}{' SILENT' * silent} [{read.refusal}] {entry['text']!r} -> {str(read)[:160]} | meant {meant}{keep}\n")
+                meant = "; ".join(
+                    f"{c['do']} {c.get('name', '')} of {c['of']} {c.get('sign', '')} {c.get('amount', '')} {c.get('to', '')}"
+                    for c in entry["changes"]
+                )
+                sys.stdout.write(
+                    f"{result}{' SILENT' * silent} [{read.refusal}] {entry['text']!r} -> {str(read)[:160]} | meant {meant}{keep}\n"
+                )
 
 
 def report(name: str, rows: Sequence[tuple[dict[str, Any], str, bool, Instruction]]) -> None:
     counts = Counter(row[1] for row in rows)
     good = sum(counts[each] for each in GOOD)
     silent = sum(row[2] for row in rows)
-    told = ", ".join(f"{each} {counts[each]}" for each in (*GOOD, "partly", "wrongly refused", "wrong", "OPPOSITE"))
-    sys.stdout.write(f"{Path(name).name:<14} {len(rows):>4} good {100 * good / max(len(rows), 1):5.1f} %  {told}, silent {silent}\n")
+    told = ", ".join(
+        f"{each} {counts[each]}"
+        for each in (*GOOD, "partly", "wrongly refused", "wrong", "OPPOSITE")
+    )
+    sys.stdout.write(
+        f"{Path(name).name:<14} {len(rows):>4} good {100 * good / max(len(rows), 1):5.1f} %  {told}, silent {silent}\n"
+    )
 
 
 if __name__ == "__main__":

@@ -107,7 +107,9 @@ def acts_alike(made: dict[str, Any], asked: dict[str, Any]) -> bool:
     """Whether two actions on an object are of one kind, by one amount, to one place."""
     amounts = [float("inf") if each["amount"] is None else each["amount"] for each in (made, asked)]
     near = amounts[0] == amounts[1] or abs(amounts[0] - amounts[1]) < 0.02
-    place = made["place"] and {key: each for key, each in made["place"].items() if each or key != "metres"}
+    place = made["place"] and {
+        key: each for key, each in made["place"].items() if each or key != "metres"
+    }
     return near and made["name"] == asked["name"] and place == asked["place"]
 
 
@@ -157,7 +159,11 @@ def opposes(made: dict[str, Any], pattern: dict[str, Any]) -> bool:
 def grade(entry: dict[str, Any], changes: tuple[Change, ...], known: bool) -> str:
     """One of right, refused rightly, wrong, opposite; a wrong refusal is wrong."""
     made = [asdict(change) for change in changes]
-    if not entry["known"] and made and all(names_part(each["phrase"]) or is_for_scene(each) for each in made):
+    if (
+        not entry["known"]
+        and made
+        and all(names_part(each["phrase"]) or is_for_scene(each) for each in made)
+    ):
         return "refused rightly"  # the part is named: it is found in a scene, or refused there
     made = [grounded(each) for each in made]
     if any(opposes(change, pattern) for change in made for pattern in entry["opposite"]):

@@ -15,9 +15,9 @@ from gsedit.formats.registry import READABLE
 from gsedit.words.chosen import parted
 from gsedit.words.deeds import change_of, side_of
 from gsedit.words.instruction import Change
-from gsedit.words.phrases import DEFINITE, IT, NUMBERED, PRONOUNS, in_letters, object_phrase
+from gsedit.words.phrases import DEFINITE, IT, PRONOUNS, object_phrase
 from gsedit.words.refusals import Refused
-from gsedit.words.scan import scanned, tokens
+from gsedit.words.scan import scanned
 
 SUFFIX = rf"(?:{'|'.join(map(re.escape, READABLE))})\b"
 FILE = re.compile(rf"\"[^\"]+{SUFFIX}\"|'[^']+{SUFFIX}'|[^\s\"',;]+{SUFFIX}", re.IGNORECASE)

@@ -10,7 +10,7 @@ import re
 from collections.abc import Sequence
 
 from gsedit.words.actions import OtherClauses, actions_of
-from gsedit.words.clauses import CONTENT, NEGATIONS
+from gsedit.words.clauses import NEGATIONS
 from gsedit.words.frames import Frames
 from gsedit.words.instruction import Change
 from gsedit.words.lexicon import sets, things
@@ -29,9 +29,35 @@ UNHELD = re.compile(
 """Words of what stays that no frame took."""
 HARD = frozenset(things("hard"))
 """Words that always stop where nothing is made of them."""
-QUALITIES = frozenset(things("other")) | frozenset(things("adjective")) | frozenset(things("opinion"))
+QUALITIES = (
+    frozenset(things("other")) | frozenset(things("adjective")) | frozenset(things("opinion"))
+)
 """Words for how something is done, or is."""
-PLACES = frozenset(("on", "over", "in", "at", "above", "by", "behind", "of", "with", "for", "under", "around", "onto", "from", "bathe", "light", "put", "outside", "across", "near", "of"))
+PLACES = frozenset(
+    (
+        "on",
+        "over",
+        "in",
+        "at",
+        "above",
+        "by",
+        "behind",
+        "of",
+        "with",
+        "for",
+        "under",
+        "around",
+        "onto",
+        "from",
+        "bathe",
+        "light",
+        "put",
+        "outside",
+        "across",
+        "near",
+        "of",
+    )
+)
 """Words before a thing on which light falls."""
 FILLERS = frozenset(things("filler"))
 """Words of which nothing is made that say no more."""
@@ -44,12 +70,18 @@ def meets(frames: Frames, changes: Sequence[Change]) -> str:
     isolated = any(c.name == "remove" and c.target == "background" for c in changes)
     if not isolated and (held := UNHELD.search(re.sub(r"\bleaves\b", "", frames.asked))):
         return held[0]
-    if only := re.search(rf"\b(?:only|just|solely|nothing but) (?:(?:on|for|in|at|to|with) )?the ({STAND_IN})", frames.asked):
+    if only := re.search(
+        rf"\b(?:only|just|solely|nothing but) (?:(?:on|for|in|at|to|with) )?the ({STAND_IN})",
+        frames.asked,
+    ):
         told = {change.phrase for change in changes} | {"on"}
         if not any(only[1] in each for each in told):
             return only[0]
     for change in changes:
-        if change.name in ("insert", "copy") or change.phrase.removeprefix("the ") in frames.left_out:
+        if (
+            change.name in ("insert", "copy")
+            or change.phrase.removeprefix("the ") in frames.left_out
+        ):
             continue
         left_out = {*change.keep, *((change.phrase,) if change.target == "background" else ())}
         for kept in frames.kept:
@@ -59,7 +91,9 @@ def meets(frames: Frames, changes: Sequence[Change]) -> str:
             elif kept == "it":
                 free = change.target == "background" or change.phrase not in ("", "it")
             else:
-                free = change.target == "subject" or (kept == "rest" and change.target == "background")
+                free = change.target == "subject" or (
+                    kept == "rest" and change.target == "background"
+                )
             if not free:
                 return frames.said[0]
     return ""
@@ -70,20 +104,37 @@ def unread_in(text: str, changes: Sequence[Change]) -> list[str]:
     actions = actions_of(text)
     if actions is not None:
         others = [each.text for each in actions if isinstance(each, OtherClauses)]
-        return [word for each in others for word in unread_in(each, changes)] if len(others) < 2 or others != [text] else []
+        return (
+            [word for each in others for word in unread_in(each, changes)]
+            if len(others) < 2 or others != [text]
+            else []
+        )
     words = scanned(text)
     whole = any(c.kind in ("light", "look") and c.target == "scene" for c in changes)
     told = {str(change) for change in changes}
-    named = " ".join((*told, *(c.name for c in changes), *(c.phrase for c in changes), *(c.place.of for c in changes if c.place)))
+    named = " ".join(
+        (
+            *told,
+            *(c.name for c in changes),
+            *(c.phrase for c in changes),
+            *(c.place.of for c in changes if c.place),
+        )
+    )
     times = sets()["time"]
     lit = {change.name for change in changes} & times
     amounts = {abs(change.amount) for change in changes if change.amount}
     found, before = list[str](), -2
     for at, word in enumerate(words):
-        behind = any(w.kind == "behind" for w in words[:at]) and any(c.target == "background" for c in changes)
+        behind = any(w.kind == "behind" for w in words[:at]) and any(
+            c.target == "background" for c in changes
+        )
         beside = (whole or behind) and word.value.startswith("zq") and _led(words, at)
         beside |= _illustrates(words, at, named)
-        if beside or _denied(words, at) or not _is_lost(word, at, words, told, named, bool(lit), amounts):
+        if (
+            beside
+            or _denied(words, at)
+            or not _is_lost(word, at, words, told, named, bool(lit), amounts)
+        ):
             continue
         if at == before + 1:
             found[-1] = f"{found[-1]} {word.text}"
@@ -93,7 +144,15 @@ def unread_in(text: str, changes: Sequence[Change]) -> list[str]:
     return found
 
 
-def _is_lost(word: Word, at: int, words: list[Word], told: set[str], named: str, lit: bool, amounts: set[float]) -> bool:
+def _is_lost(
+    word: Word,
+    at: int,
+    words: list[Word],
+    told: set[str],
+    named: str,
+    lit: bool,
+    amounts: set[float],
+) -> bool:
     """Whether nothing was made of a word."""
     if word.kind == "unknown":
         return word.text not in named and word.text not in FILLERS
@@ -105,7 +164,9 @@ def _is_lost(word: Word, at: int, words: list[Word], told: set[str], named: str,
         return False
     if word.color and word.color in named:
         return False
-    if word.kind in ("number", "fraction", "factor") and any(_near(each, word.number) for each in amounts):
+    if word.kind in ("number", "fraction", "factor") and any(
+        _near(each, word.number) for each in amounts
+    ):
         return False
     if lit and word.value in sets()["time"]:
         return False
@@ -131,12 +192,23 @@ def _illustrates(words: list[Word], at: int, named: str) -> bool:
     start = next((i for i in range(at - 1, -1, -1) if words[i].kind in ("simile", "asif")), None)
     if start is None or any(word.kind == "mark" for word in words[start:at]):
         return False
-    return any(w.kind in ("material", "look", "light", "color", "style", "state") and w.value.split()[0] in named for w in words)
+    return any(
+        w.kind in ("material", "look", "light", "color", "style", "state")
+        and w.value.split()[0] in named
+        for w in words
+    )
 
 
 def _near(amount: float, number: float) -> bool:
     """Whether a change's amount is what a number says: 0.2 for 20, 0.5 for 1.5, for half."""
-    said = (number, number / 100, abs(number - 1), abs(2 ** min(number, 9) - 1), number / 360, abs(number / 100 - 1))
+    said = (
+        number,
+        number / 100,
+        abs(number - 1),
+        abs(2 ** min(number, 9) - 1),
+        number / 360,
+        abs(number / 100 - 1),
+    )
     return any(abs(amount - each) < 0.006 for each in said)
 
 
@@ -150,7 +222,9 @@ def stops(words: str) -> bool:
     """Whether words that are not read stop the rest: a quality that is not made only is told."""
     typed = scanned(words)
     soft = [
-        word.kind in ("finish", "state", "intense", "fill") or word.text in QUALITIES or word.has("adj")
+        word.kind in ("finish", "state", "intense", "fill")
+        or word.text in QUALITIES
+        or word.has("adj")
         for word in typed
     ]
     return not all(soft) or any(word.text in HARD for word in typed)

@@ -25,7 +25,9 @@ def parted(text: str) -> list[tuple[str, str]]:
     A part ends where another thing is named.
     """
     parts, idle = list[tuple[str, str]](), False
-    if len(found := set(re.findall(STAND_IN, text))) < 2 and not (found and THINGS & {w.kind for w in scanned(text)}):
+    if len(found := set(re.findall(STAND_IN, text))) < 2 and not (
+        found and THINGS & {w.kind for w in scanned(text)}
+    ):
         return [(text, f"the {found.pop()}" if found else "")]
     for words in _clauses(text.split()):
         joined = " ".join(words)

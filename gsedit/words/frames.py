@@ -25,11 +25,15 @@ def _rows() -> list[tuple[str, re.Pattern[str]]]:
         if head.startswith("hole "):
             holes[head.removeprefix("hole ")] = text
         else:
-            rows.append((head, re.compile(rf"(?<!\S)(?:{text})(?!\S)" if head != "courtesy" else text)))
+            rows.append(
+                (head, re.compile(rf"(?<!\S)(?:{text})(?!\S)" if head != "courtesy" else text))
+            )
     return rows
 
 
-ASKED = re.compile(r"(?:please |hi |hey |ok |so |, |and )*(?:can|could|would|will|may|might|is it|is there|do you)\b")
+ASKED = re.compile(
+    r"(?:please |hi |hey |ok |so |, |and )*(?:can|could|would|will|may|might|is it|is there|do you)\b"
+)
 """Start of a question that asks for something to be done."""
 ROWS = _rows()
 """Patterns of frames by kind, in the order in which they are tried."""
@@ -86,7 +90,11 @@ def _cut(frames: Frames, kind: str, pattern: re.Pattern[str]) -> None:
             frames.dropped = match[0]
         elif kind == "limit":
             frames.weaker = True
-        frames.asked = f"{frames.asked[: match.start()]} , {frames.asked[match.end() :]}" if kind != "except" else f"{frames.asked[: match.start()]} {frames.asked[match.end() :]}"
+        frames.asked = (
+            f"{frames.asked[: match.start()]} , {frames.asked[match.end() :]}"
+            if kind != "except"
+            else f"{frames.asked[: match.start()]} {frames.asked[match.end() :]}"
+        )
 
 
 def _isolates(match: re.Match[str]) -> bool:
@@ -100,23 +108,35 @@ def _named(text: str) -> list[str]:
     plain = NOUN.sub("", text)
     if re.search(r"\b(?:it|him|her|them|itself)\b", re.sub(r"of (?:it|them)|around it", "", plain)):
         found.append("it")
-    if re.search(r"background|backdrop|surround|environment|\bbg\b|scenery|garden|park|courtyard|room|yard|landscape|setting|around", plain):
+    if re.search(
+        r"background|backdrop|surround|environment|\bbg\b|scenery|garden|park|courtyard|room|yard|landscape|setting|around",
+        plain,
+    ):
         found.append("background")
-    if re.search(r"\b(?:rest|else|others?|everything|scene|picture)\b", plain) and "around" not in plain:
+    if (
+        re.search(r"\b(?:rest|else|others?|everything|scene|picture)\b", plain)
+        and "around" not in plain
+    ):
         found.append("rest")
     return found
 
 
 def _retract(frames: Frames, pattern: re.Pattern[str]) -> None:
     """Leave out what is taken back: the clause before "no wait"."""
-    matches = [m for m in pattern.finditer(frames.asked) if frames.asked[: m.start()].strip(" ,.!;:") and frames.asked[m.end():].strip(" ,.!?;:")]
+    matches = [
+        m
+        for m in pattern.finditer(frames.asked)
+        if frames.asked[: m.start()].strip(" ,.!;:") and frames.asked[m.end() :].strip(" ,.!?;:")
+    ]
     if not matches:
         return
     match = matches[-1]
     before = frames.asked[: match.start()].strip(" ,.!;:?")
     earlier, _, last = before.rpartition(" and ")
     frames.dropped = last
-    frames.asked = f"{earlier} , {frames.asked[match.end() :]}" if earlier else frames.asked[match.end() :]
+    frames.asked = (
+        f"{earlier} , {frames.asked[match.end() :]}" if earlier else frames.asked[match.end() :]
+    )
 
 
 def _tidy(text: str) -> str:

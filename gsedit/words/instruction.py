@@ -76,7 +76,8 @@ class Change:
     @property
     def part(self) -> str:
         """Part that changes, in words."""
-        return " and ".join((f"{self._part} but not {self.keep[0]}", *self.keep[1:])) if self.keep else self._part
+        kept = " and ".join(self.keep)
+        return f"{self._part} but not {kept}" if kept else self._part
 
     @property
     def _part(self) -> str:
@@ -182,7 +183,10 @@ class Instruction:
         return json.dumps(record)
 
     def __str__(self) -> str:
-        return "; ".join(map(str, self.changes)) if self.known else self.why
+        if not self.known:
+            return self.why
+        left = ", ".join(map(repr, self.unread))
+        return "; ".join(map(str, self.changes)) + f" (not read: {left})" * bool(left)
 
 
 # ---- a change as a sentence that reads back as itself -------------------------------------------

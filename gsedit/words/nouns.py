@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 
 from gsedit.words.instruction import Change
 from gsedit.words.lexicon import SLOTS, rows_of, things
-from gsedit.words.scan import DETERMINERS, STAND_IN, Word, scanned
+from gsedit.words.scan import DETERMINERS, STAND_IN, Word
 
 DEFINITE = DETERMINERS | {"these", "those", "its", "both", "all", "every", "each"}
 """Words that a noun phrase begins with."""
@@ -102,7 +102,11 @@ def chunked(words: Sequence[Word], nouns: Nouns) -> str:
         if end:
             phrase = " ".join(w.text for w in words[start:end] if w.text not in OPINIONS)
             phrase = phrase.replace(" 's", "'s")
-            out += [*(w.text for w in words[at:start]), "the", nouns.stand_in(nouns.restored(phrase))]
+            out += [
+                *(w.text for w in words[at:start]),
+                "the",
+                nouns.stand_in(nouns.restored(phrase)),
+            ]
             at = end
         else:
             after = max(at + 1, start)
@@ -155,7 +159,13 @@ def _held(words: Sequence[Word], at: int) -> int:
     end = next((i for i in range(at + 1, len(words)) if words[i].kind in ends), len(words))
     after = words[end].kind if end < len(words) else "mark"
     led = before.kind in ("keep", "except") or before.text in ("without", "not", "touch")
-    short = 0 < end - at - 1 <= 3 and words[end - 1].kind not in ("background", "rest", "scene", "noun", "place")
+    short = 0 < end - at - 1 <= 3 and words[end - 1].kind not in (
+        "background",
+        "rest",
+        "scene",
+        "noun",
+        "place",
+    )
     return end if short and ((led and after in ENDS) or after in ("keep", "same")) else 0
 
 
@@ -171,8 +181,16 @@ def _head(words: Sequence[Word], at: int, plain: bool) -> int:
     start, head = at, 0
     while at < len(words):
         word = words[at]
-        noun = word.kind in HEADS or word.text in ONES and (head or word.text not in ("frame", "frames"))
-        if word.text in NO_NOUNS or (head and word.text in OTHERS) or STAND_IN_WORD.fullmatch(word.text):
+        noun = (
+            word.kind in HEADS
+            or (word.text in ONES
+            and (head or word.text not in ("frame", "frames")))
+        )
+        if (
+            word.text in NO_NOUNS
+            or (head and word.text in OTHERS)
+            or STAND_IN_WORD.fullmatch(word.text)
+        ):
             break
         if noun:
             head = at + 1
@@ -189,15 +207,27 @@ def _head(words: Sequence[Word], at: int, plain: bool) -> int:
     plural = first.text[-1:] == "s" and first.text[-2:-1] not in ("s", "u", "i")
     follows = words[start + 1] if start + 1 < len(words) else Word("", "mark", "")
     told = follows.kind in ("be", "wish", "keep", "same") or follows.text in ("does", "do")
-    if not head and told and first.kind in ("material", "look", "light", "finish") and len(words) > start + 2:
+    if (
+        not head
+        and told
+        and first.kind in ("material", "look", "light", "finish")
+        and len(words) > start + 2
+    ):
         return start + 1
-    if not head and plural and first.kind in ("material", "look", "light") and first.text != "lights":
+    if (
+        not head
+        and plural
+        and first.kind in ("material", "look", "light")
+        and first.text != "lights"
+    ):
         return start + 1
     if not head and plain and at == start + 1 and words[start].kind == "material":
         before = words[start - 2].text if start > 1 else ""
         dropped = any(word.kind == "drop" for word in words[:start])
         noun = words[start].text == words[start].value and not dropped
-        return start + 1 if noun and before not in ("into", "of", "from", "in", "like", "with") else 0
+        return (
+            start + 1 if noun and before not in ("into", "of", "from", "in", "like", "with") else 0
+        )
     if not head and words[start : start + 1] and words[start].text in RANKED:
         return start + 1
     return head
@@ -232,7 +262,11 @@ def _start(words: Sequence[Word], at: int) -> int:
     while other and start and words[start - 1].kind in kinds:
         start -= 1
     while start and (words[start - 1].text in SIZES or words[start - 1].kind == "direction"):
-        if words[start - 1].text.endswith("er") or words[start - 1].text in ("big", "huge", "giant"):
+        if words[start - 1].text.endswith("er") or words[start - 1].text in (
+            "big",
+            "huge",
+            "giant",
+        ):
             break
         start -= 1
     return start

@@ -24,9 +24,9 @@ from gsedit.words.clauses import (
     refuse_parts,
 )
 from gsedit.words.direct import routed
-from gsedit.words.instruction import MOST, Change, Instruction, Target
-from gsedit.words.phrases import IT, NUMBERED, PRONOUNS, with_base, without_base
-from gsedit.words.refusals import REASONS, Refused, first_refusal, unlike_all
+from gsedit.words.instruction import Change, Target
+from gsedit.words.phrases import IT, PRONOUNS
+from gsedit.words.refusals import Refused
 from gsedit.words.scan import Word, scanned
 from gsedit.words.solids import directed, refuse_amount, scenes, shone, solids
 from gsedit.words.tones import asks_less, complains, hues, stressed, tones

@@ -55,7 +55,7 @@ def read_instruction(
     text, left = "; ".join(map(str, told)), tuple(nouns.restored(each) for each in unread)
     if any(map(stops, left)) and not accept_unread:
         quoted = ", ".join(repr(each) for each in left)
-        why = f"read: {text}; not read: {quoted}. Run it without?"
+        why = Said(f"read: {text}; not read: {quoted}. Run it without?", "unread")
         return Instruction(sentence, False, why, (), "unread", left)
     return Instruction(sentence, True, text, told, unread=left)
 
@@ -67,9 +67,7 @@ def denies(sentence: str) -> bool:
     return bool(frames.kept) or asked
 
 
-def _read(
-    sentence: str, saved: Collection[str], nouns: Nouns
-) -> tuple[list[Change], list[str]]:
+def _read(sentence: str, saved: Collection[str], nouns: Nouns) -> tuple[list[Change], list[str]]:
     """(changes, words that are not read) of a sentence, with stand-ins. Raises Refused."""
     files: list[str] = []
 
@@ -85,12 +83,18 @@ def _read(
     if frames.kept:
         changes = [_but(change, frames) for change in changes]
         out = {f"the {each}" for each in frames.left_out if each.startswith("zq")}
-        missed = out - {p for c in changes for p in (*c.keep, c.phrase if c.target == "background" else "")}
+        missed = out - {
+            p for c in changes for p in (*c.keep, c.phrase if c.target == "background" else "")
+        }
         if missed:
             raise Refused("kept", frames.said[0])
     elif any(c.name == "remove" and c.target == "scene" for c in changes):
         raise Refused("everything")
-    if any(not -1 <= (c.amount or 0) <= MOST.get(c.kind, 0) for c in changes if c.kind not in ("object", "growth")):
+    if any(
+        not -1 <= (c.amount or 0) <= MOST.get(c.kind, 0)
+        for c in changes
+        if c.kind not in ("object", "growth")
+    ):
         raise Refused("amount")
     if stopped := meets(frames, changes):
         raise Refused("kept", stopped)
@@ -162,7 +166,9 @@ def _but(change: Change, frames: Frames) -> Change:
         return replace(change, keep=())  # "all but the bike gray, and the bike red"
     if change.phrase in phrases:
         raise Refused("kept", frames.said[0])
-    explicit = bool(NOUN.search(frames.asked)) or bool(re.search(r"\b(?:it|him|her|them)\b", frames.asked))
+    explicit = bool(NOUN.search(frames.asked)) or bool(
+        re.search(r"\b(?:it|him|her|them)\b", frames.asked)
+    )
     if "background" in frames.kept or "rest" in frames.kept:
         if change.target == "background" and not change.phrase and "background" in frames.kept:
             raise Refused("kept", frames.said[0])
@@ -175,7 +181,9 @@ def _but(change: Change, frames: Frames) -> Change:
             change = replace(change, target="background", phrase="")
     if not phrases:
         return change
-    whole = change.target == "scene" or (change.target == "subject" and not change.phrase and not explicit)
+    whole = change.target == "scene" or (
+        change.target == "subject" and not change.phrase and not explicit
+    )
     if whole:
         return replace(change, target="background", phrase=phrases[0], keep=tuple(phrases[1:]))
     return replace(change, keep=tuple(phrases))

@@ -7,7 +7,9 @@ from collections.abc import Iterator
 
 from gsedit.words.scan import STAND_IN
 
-SPLIT = re.compile(r"(?<!\S)(?:[,;.!?:\n]|and|but|or|because|since|so that|so(?= (?:i|it|he|she|we|they|you|people|everyone|my|this|that)\b)|as(?= (?:i|it|we|they|he|she|my|you)\b)|cause|cuz|cos|coz|though|although|while|when)(?!\S)")
+SPLIT = re.compile(
+    r"(?<!\S)(?:[,;.!?:\n]|and|but|or|because|since|so that|so(?= (?:i|it|he|she|we|they|you|people|everyone|my|this|that)\b)|as(?= (?:i|it|we|they|he|she|my|you)\b)|cause|cuz|cos|coz|though|although|while|when)(?!\S)"
+)
 WHO = rf"(?:it|he|she|they|this|that|these|those|there|i|we|you|my [a-z]+|our [a-z]+|everyone|everybody|people|the ({STAND_IN})|the (?:picture|photo|scene|image|whole thing|colors?|light|lighting|sky|contrast|shadows|whites)|which|who|what|nobody|somebody)"
 REMARK = re.compile(
     rf"(?:and |but |so |because |since |as |cause |cuz |cos |though |although |while |when |well |oh |honestly |frankly |sadly |at the moment |right now |now |currently |, )*"
@@ -63,10 +65,21 @@ def without_remarks(text: str) -> Iterator[str]:
     kept, remark = list[str](), False
     for mark, part in clauses:
         whole = f"{mark} {part}".strip()
-        reason = mark.split()[-1:] and mark.split()[-1] in ("because", "since", "cause", "cuz", "cos", "coz", "so that", "as") or mark.endswith("so that")
-        asif = part.startswith(("as if", "as though")) or (mark.endswith("as") and part.startswith(("if", "though")))
-        is_remark = (bool(REMARK.match(part)) or bool(reason)) and not ASKS.search(part) and not asif
-        held = HOLDS.search(part) or re.search(r"\b(?:but|though|although|while|yet|whereas)\b", mark)
+        reason = (
+            (mark.split()[-1:]
+            and mark.split()[-1]
+            in ("because", "since", "cause", "cuz", "cos", "coz", "so that", "as"))
+            or mark.endswith("so that")
+        )
+        asif = part.startswith(("as if", "as though")) or (
+            mark.endswith("as") and part.startswith(("if", "though"))
+        )
+        is_remark = (
+            (bool(REMARK.match(part)) or bool(reason)) and not ASKS.search(part) and not asif
+        )
+        held = HOLDS.search(part) or re.search(
+            r"\b(?:but|though|although|while|yet|whereas)\b", mark
+        )
         is_remark |= bool(FEELING.fullmatch(part))
         is_remark &= not (held and re.search(STAND_IN, part))
         remark |= is_remark

@@ -61,7 +61,9 @@ class Clause:
         """Whether only words are left that say nothing."""
         idle = ("fill", "be", "wish", "do", "mark", "degree", "conj", "slight", "up", "enough")
         words = scanned(self.text)
-        return all((word.kind in idle or word.text in IDLE) and word.text not in HELD for word in words)
+        return all(
+            (word.kind in idle or word.text in IDLE) and word.text not in HELD for word in words
+        )
 
 
 HELD = frozenset(("it", "him", "her", "them", "shadow", "shadows", "if", "only", "light", "color"))
@@ -75,9 +77,15 @@ def acted(text: str) -> Change | None:
 
     Raises Refused for an amount that cannot be done.
     """
-    if any(word.text == "if" or word.kind in ("not", "keep", "except", "retract", "ask") for word in scanned(text)):
+    if any(
+        word.text == "if" or word.kind in ("not", "keep", "except", "retract", "ask")
+        for word in scanned(text)
+    ):
         return None
-    return next((c for c in (each(Clause(text)) for each in (_copy, _scale, _turn, _move, _remove)) if c), None)
+    return next(
+        (c for c in (each(Clause(text)) for each in (_copy, _scale, _turn, _move, _remove)) if c),
+        None,
+    )
 
 
 def _thing(clause: Clause) -> str | None:
@@ -102,7 +110,9 @@ def _remove(clause: Clause) -> Change | None:
     phrase = _thing(clause) if clause.word("verb", "remove") else None
     if phrase is None:
         return None
-    while clause.take(r"(?:away|out|off|from|of|on)(?: (?:the )?(?:zq[a-z][a-z]x|scene|picture|photo|image|shot|frame|here|there|view|way))?"):
+    while clause.take(
+        r"(?:away|out|off|from|of|on)(?: (?:the )?(?:zq[a-z][a-z]x|scene|picture|photo|image|shot|frame|here|there|view|way))?"
+    ):
         pass
     return _object("remove", phrase, None) if clause.is_empty else None
 
@@ -129,20 +139,41 @@ def _factor(clause: Clause, way: str, sized: bool) -> float | None:
     """Factor of size that a clause says; None for none."""
     if match := clause.take(r"(?:scale )?(?P<a>\d+) : (?P<b>[1-9]\d*)"):
         return float(match["a"]) / float(match["b"])
-    if match := clause.take(rf"(?:(?P<of>to|at|for) |(?:by|of) )?{NUMBER} %(?P<more> of(?: its| the| their| current| present| original| it)*)?"):
+    if match := clause.take(
+        rf"(?:(?P<of>to|at|for) |(?:by|of) )?{NUMBER} %(?P<more> of(?: its| the| their| current| present| original| it)*)?"
+    ):
         share = _value(match["n"]) / 100
         if match["of"] or match["more"] or not way:
             return share
         return 1 - share if way == "down" else 1 + share
-    if match := clause.take(rf"(?:by |to )?(?:a factor of |factor )?{NUMBER} ?(?:times|x|fold|time)"):
+    if match := clause.take(
+        rf"(?:by |to )?(?:a factor of |factor )?{NUMBER} ?(?:times|x|fold|time)"
+    ):
         factor = _value(match["n"])
         return 1 / factor if way == "down" and factor > 1 else factor
-    if match := clause.take(r"(?:the )?(?P<n>twice|double|doubled|triple|tripled|quadruple|thrice)"):
-        factor = {"twice": 2.0, "double": 2.0, "doubled": 2.0, "quadruple": 4.0}.get(match["n"], 3.0)
+    if match := clause.take(
+        r"(?:the )?(?P<n>twice|double|doubled|triple|tripled|quadruple|thrice)"
+    ):
+        factor = {"twice": 2.0, "double": 2.0, "doubled": 2.0, "quadruple": 4.0}.get(
+            match["n"], 3.0
+        )
         return 1 / factor if way == "down" else factor
-    if match := clause.take(r"(?:by |to |of )?(?P<q>a |the |one |two |three )?(?P<n>half|third|thirds|quarter|quarters|fifth|tenth)(?: of| as)?"):
+    if match := clause.take(
+        r"(?:by |to |of )?(?P<q>a |the |one |two |three )?(?P<n>half|third|thirds|quarter|quarters|fifth|tenth)(?: of| as)?"
+    ):
         count = {"two ": 2, "three ": 3}.get(match["q"] or "", 1)
-        share = count * {"half": 0.5, "third": 1 / 3, "thirds": 1 / 3, "quarter": 0.25, "quarters": 0.25, "fifth": 0.2, "tenth": 0.1}[match["n"]]
+        share = (
+            count
+            * {
+                "half": 0.5,
+                "third": 1 / 3,
+                "thirds": 1 / 3,
+                "quarter": 0.25,
+                "quarters": 0.25,
+                "fifth": 0.2,
+                "tenth": 0.1,
+            }[match["n"]]
+        )
         if not way or "to " in match[0] or match[0].endswith((" of", " as")):
             return share
         return 1 - share if way == "down" else 1 + share
@@ -157,9 +188,13 @@ def _factor(clause: Clause, way: str, sized: bool) -> float | None:
 
 def _turn(clause: Clause) -> Change | None:
     verb = clause.word("verb", "turn")
-    if match := clause.take(rf"(?:by |of |through )?(?:some |about |around )?{NUMBER} ?(?:degrees|degree|deg|\u00b0)"):
+    if match := clause.take(
+        rf"(?:by |of |through )?(?:some |about |around )?{NUMBER} ?(?:degrees|degree|deg|\u00b0)"
+    ):
         degrees = _value(match["n"])
-    elif match := clause.take(r"(?:by )?(?:a |one )?(?P<n>quarter|half|three quarters?)(?: of)?(?: a)?(?: turn)?"):
+    elif match := clause.take(
+        r"(?:by )?(?:a |one )?(?P<n>quarter|half|three quarters?)(?: of)?(?: a)?(?: turn)?"
+    ):
         degrees = {"quarter": 90.0, "half": 180.0}.get(match["n"], 270.0)
     elif match := verb and clause.take(r"(?:by )?(?P<n>[+-]?\d+(?:\.\d+)?)"):
         degrees = float(match["n"])
@@ -169,7 +204,9 @@ def _turn(clause: Clause) -> Change | None:
         return None
     way = clause.one_of("rotation")
     phrase = _thing(clause)
-    clause.take(r"(?:on|about|around|toward|towards|to|from|seen from|viewed from) (?:the )?(?:zq[a-z][a-z]x|lens|camera|us|me|top|above|spot|axis|y|z)(?: axis)?")
+    clause.take(
+        r"(?:on|about|around|toward|towards|to|from|seen from|viewed from) (?:the )?(?:zq[a-z][a-z]x|lens|camera|us|me|top|above|spot|axis|y|z)(?: axis)?"
+    )
     if not verb or phrase is None or not clause.is_empty:
         return None
     share = round((-abs(degrees) if way == "right" else degrees) / 360, 6)
@@ -178,12 +215,16 @@ def _turn(clause: Clause) -> Change | None:
 
 def _distance(clause: Clause) -> tuple[float | None, str]:
     """(distance, "units", "metres" or "" for sizes) that a clause says."""
-    if match := clause.take(rf"(?:by |about |some |of |like )*{NUMBER} ?(?P<u>{TABLE['unit', 'mm']}|{TABLE['unit', 'cm']}|{TABLE['unit', 'm']}|{TABLE['unit', 'inch']}|{TABLE['unit', 'foot']}|{TABLE['unit', 'yard']})(?: more)?"):
+    if match := clause.take(
+        rf"(?:by |about |some |of |like )*{NUMBER} ?(?P<u>{TABLE['unit', 'mm']}|{TABLE['unit', 'cm']}|{TABLE['unit', 'm']}|{TABLE['unit', 'inch']}|{TABLE['unit', 'foot']}|{TABLE['unit', 'yard']})(?: more)?"
+    ):
         unit = next(u for u in METRES if re.fullmatch(TABLE["unit", u], match["u"]))
         return _value(match["n"]) * METRES[unit], "metres"
     if match := clause.take(rf"(?:by )?{NUMBER} ?units?"):
         return _value(match["n"]), "units"
-    if match := clause.take(rf"(?:by )?{NUMBER} ?(?:times )?(?:of )?(?:its |his |her |their )?(?:own )?(?:sizes?|heights?|widths?|lengths?)"):
+    if match := clause.take(
+        rf"(?:by )?{NUMBER} ?(?:times )?(?:of )?(?:its |his |her |their )?(?:own )?(?:sizes?|heights?|widths?|lengths?)"
+    ):
         return _value(match["n"]), ""
     if match := clause.take(rf"(?:by )?{NUMBER} %"):
         return _value(match["n"]) / 100, ""
@@ -195,7 +236,10 @@ def _move(clause: Clause) -> Change | None:
     far, unit = _distance(clause)
     if not verb and unit != "metres":
         return None
-    match = re.search(rf"(?P<side>{'|'.join(TABLE['side', v] for v in SIDES)}) the (?P<of>{STAND_IN})", clause.text)
+    match = re.search(
+        rf"(?P<side>{'|'.join(TABLE['side', v] for v in SIDES)}) the (?P<of>{STAND_IN})",
+        clause.text,
+    )
     first = THING.search(clause.text) or PRONOUN.search(clause.text)
     if match and first and first.start() < match.start("of"):
         clause.take(re.escape(match[0].strip()))
@@ -207,7 +251,9 @@ def _move(clause: Clause) -> Change | None:
             return None
         place = Place(side)  # type: ignore[arg-type]
     phrase = _thing(clause)
-    clause.take(r"from the zq[a-z][a-z]x|from (?:here|there)|to (?:the )?side|toward(?:s)? the zq[a-z][a-z]x|against the zq[a-z][a-z]x")
+    clause.take(
+        r"from the zq[a-z][a-z]x|from (?:here|there)|to (?:the )?side|toward(?:s)? the zq[a-z][a-z]x|against the zq[a-z][a-z]x"
+    )
     if phrase is None or not clause.is_empty:
         return None
     if phrase == IT and place.side in ("up", "down", "back") and not unit and not place.of:
@@ -224,11 +270,13 @@ SIDES: tuple[Side, ...] = ("left", "right", "front", "behind", "on", "beside")
 def _copy(clause: Clause) -> Change | None:
     count = 1.0
     verb = clause.word("verb", "copy")
-    if match := clause.take(rf"(?:x ?)?{NUMBER} ?(?:times|time|x|copies|duplicates|clones)(?: more)?|x ?(?P<x>\d+)"):
+    if match := clause.take(
+        rf"(?:x ?)?{NUMBER} ?(?:times|time|x|copies|duplicates|clones)(?: more)?|x ?(?P<x>\d+)"
+    ):
         count = float(match["x"]) if match["x"] else _value(match["n"])
-    elif match := clause.take(rf"{NUMBER} (?:more|extra|additional|other|identical|same|further|new)(?: of| identical| same| like)*"):
-        count, verb = _value(match["n"]), True
-    elif match := clause.take(rf"(?:another|other|extra) {NUMBER}(?: of)?"):
+    elif (match := clause.take(
+        rf"{NUMBER} (?:more|extra|additional|other|identical|same|further|new)(?: of| identical| same| like)*"
+    )) or (match := clause.take(rf"(?:another|other|extra) {NUMBER}(?: of)?")):
         count, verb = _value(match["n"]), True
     elif clause.word("again"):
         verb = True
@@ -239,10 +287,14 @@ def _copy(clause: Clause) -> Change | None:
     phrase = _thing(clause)
     if phrase is None:
         return None
-    while clause.take(r"(?:exactly |just )?(?:same|identical|equal|like|similar)(?: as| to| like)?(?: the)?(?: zq[a-z][a-z]x| (?:first|existing|other|original|old)(?: one)?| it| this one| that one| this| that)?"):
+    while clause.take(
+        r"(?:exactly |just )?(?:same|identical|equal|like|similar)(?: as| to| like)?(?: the)?(?: zq[a-z][a-z]x| (?:first|existing|other|original|old)(?: one)?| it| this one| that one| this| that)?"
+    ):
         pass
     place = Place("beside", phrase)
-    if match := clause.take(rf"(?P<side>{'|'.join(TABLE['side', v] for v in SIDES)}) (?:the (?P<of>{STAND_IN})|it|the (?:first|original|other|existing|old)(?: one)?)"):
+    if match := clause.take(
+        rf"(?P<side>{'|'.join(TABLE['side', v] for v in SIDES)}) (?:the (?P<of>{STAND_IN})|it|the (?:first|original|other|existing|old)(?: one)?)"
+    ):
         side = next(v for v in SIDES if re.fullmatch(TABLE["side", v], match["side"]))
         place = Place(side, f"the {match['of']}" if match["of"] else phrase)
     elif side := clause.one_of("way"):
@@ -250,7 +302,9 @@ def _copy(clause: Clause) -> Change | None:
         if side == "down":
             return None
     else:
-        clause.take(r"(?:all )?(?:along|around|in|at|by|to|over|across|near|against|from) (?:the )?(?:zq[a-z][a-z]x|row|line|a row|a line|x|y|z|here|there)(?: along (?:x|y|z|the zq[a-z][a-z]x))?")
+        clause.take(
+            r"(?:all )?(?:along|around|in|at|by|to|over|across|near|against|from) (?:the )?(?:zq[a-z][a-z]x|row|line|a row|a line|x|y|z|here|there)(?: along (?:x|y|z|the zq[a-z][a-z]x))?"
+        )
     clause.take(r"in a (?:row|line|circle)|evenly spaced|side by side")
     if not clause.is_empty:
         return None

@@ -3,7 +3,6 @@
 import pytest
 
 from gsedit.words.read import read_instruction
-from gsedit.words.read import read_instruction
 
 NAMES = ("plinth", "gray rock", "ears", "gold", "left leg 2", "arm3")
 

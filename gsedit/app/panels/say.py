@@ -103,7 +103,9 @@ class Say:
         count = len(page.scene) if page.has_scene else 0
         self.told.content = self.reading.html(count, selected=page.selection is not None)
         if by_person:
-            self.turn_out(knobs_of(self.reading.instruction, lambda each: read_instruction(each, names)))
+            self.turn_out(
+                knobs_of(self.reading.instruction, lambda each: read_instruction(each, names))
+            )
 
     def turn_out(self, knobs: tuple[Knob, ...]) -> None:
         """Show these knobs in the place of the earlier ones."""
