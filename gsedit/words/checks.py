@@ -10,12 +10,13 @@ import re
 from collections.abc import Sequence
 
 from gsedit.words.actions import OtherClauses, actions_of
-from gsedit.words.clauses import NEGATIONS
+from gsedit.words.clauses import BECOMES, CONTENT, NEGATIONS
 from gsedit.words.frames import Frames
 from gsedit.words.instruction import Change
 from gsedit.words.lexicon import sets, things
 from gsedit.words.plain import plainly
 from gsedit.words.refusals import Refused
+from gsedit.words.solids import ANY_DRAWING
 from gsedit.words.scan import STAND_IN, Word, scanned
 
 HELD = frozenset(
@@ -158,7 +159,7 @@ def _is_lost(
         return word.text not in named and word.text not in FILLERS
     if word.value.startswith("zq"):
         return word.value not in named
-    if word.kind not in HELD or word.text in LOOSE:
+    if word.kind not in HELD or word.text in LOOSE or word.text in ANY_DRAWING:
         return False
     if word.text in named or any(each in named for each in (word.value.split()[:1] or [word.text])):
         return False
@@ -179,10 +180,12 @@ def _is_lost(
 
 def _denied(words: list[Word], at: int) -> bool:
     """Whether a word is what must not be, or what gives way: "not gold", "from black to white"."""
+    if any(word.text in BECOMES for word in words[at + 1 : at + 2]):
+        return True
     for word in reversed(words[:at]):
         if word.kind in ("mark", "conj"):
             return False
-        if word.kind in NEGATIONS or word.text in ("from", "than", "instead of"):
+        if word.kind in NEGATIONS or word.text in ("from", "than", "instead of", "replace", "swap"):
             return True
     return False
 

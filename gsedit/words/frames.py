@@ -124,13 +124,17 @@ def _named(text: str) -> list[str]:
 def _retract(frames: Frames, pattern: re.Pattern[str]) -> None:
     """Leave out what is taken back: the clause before "no wait"."""
     matches = [
-        m
-        for m in pattern.finditer(frames.asked)
-        if frames.asked[: m.start()].strip(" ,.!;:") and frames.asked[m.end() :].strip(" ,.!?;:")
+        match
+        for match in pattern.finditer(frames.asked)
+        if frames.asked[: match.start()].strip(" ,.!;:")
+        and frames.asked[match.end() :].strip(" ,.!?;:") not in ("", "it", "that", "this")
     ]
     if not matches:
         return
     match = matches[-1]
+    if re.match(r"[ ,]*(?:just )?(?:leave|keep) (?:it|them|that|everything)\b", frames.asked[match.end() :]):
+        frames.asked = frames.asked[match.end() :]
+        return
     before = frames.asked[: match.start()].strip(" ,.!;:?")
     earlier, _, last = before.rpartition(" and ")
     frames.dropped = last

@@ -31,7 +31,7 @@ NO_NOUNS = frozenset(things("nothing")) | frozenset(things("loose")) | frozenset
 NO_NOUNS -= {"face", "faces", "head", "foreground"}
 """Words that are no things, whatever stands before them."""
 VERBS = [word for kind, _, row in rows_of(SLOTS) if kind == "verb" for word in row]
-OTHERS = frozenset(things("other")) | {word for each in VERBS for word in each.split()[:1]}
+OTHERS = frozenset(things("other")) | frozenset(things("over")) | {word for each in VERBS for word in each.split()[:1]}
 """Words that are no things where they have no article."""
 RELATIONS = re.compile(
     r"(?:to the|on the|at the|in the)? ?(?:left|right|front|top|bottom|back|edge|middle|center)?"
@@ -102,11 +102,9 @@ def chunked(words: Sequence[Word], nouns: Nouns) -> str:
         if end:
             phrase = " ".join(w.text for w in words[start:end] if w.text not in OPINIONS)
             phrase = phrase.replace(" 's", "'s")
-            out += [
-                *(w.text for w in words[at:start]),
-                "the",
-                nouns.stand_in(nouns.restored(phrase)),
-            ]
+            out += (word.text for word in words[at:start])
+            out += ["the"] * (out[-1:] != ["the"])
+            out.append(nouns.stand_in(nouns.restored(phrase)))
             at = end
         else:
             after = max(at + 1, start)
@@ -158,7 +156,7 @@ def _held(words: Sequence[Word], at: int) -> int:
     ends = (*ENDS, "keep", "same", "be", "limit", "wish")
     end = next((i for i in range(at + 1, len(words)) if words[i].kind in ends), len(words))
     after = words[end].kind if end < len(words) else "mark"
-    led = before.kind in ("keep", "except") or before.text in ("without", "not", "touch")
+    led = before.kind in ("keep", "except", "touch") or before.text in ("without", "not", "touch")
     short = 0 < end - at - 1 <= 3 and words[end - 1].kind not in (
         "background",
         "rest",

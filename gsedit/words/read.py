@@ -10,13 +10,14 @@ import re
 from collections.abc import Collection
 from dataclasses import replace
 
+from gsedit.errors import Said
 from gsedit.words.actions import FILE
 from gsedit.words.checks import meets, stops, unread_in
 from gsedit.words.clauses import NEGATIONS
 from gsedit.words.frames import NOUN, Frames, framed
 from gsedit.words.instruction import MOST, Change, Instruction
 from gsedit.words.nouns import Nouns, called, chunked
-from gsedit.words.phrases import IT, with_base, without_base
+from gsedit.words.phrases import IT, NUMBERED, with_base, without_base
 from gsedit.words.plain import plainly
 from gsedit.words.refusals import REASONS, Refused, first_refusal, unlike_all
 from gsedit.words.remarks import variants
@@ -26,6 +27,17 @@ WEAKER = 0.5
 """Share of its usual amount that a change with a limit gets: "but not too much"."""
 
 
+DENIED = re.compile(
+    r"^(?:please |, )*(?:do not|dont|never|nobody|no one|there is no need|i do not want(?! the zq)"
+    r"|i would not|avoid|stop) (?!(?:like|love|forget|hesitate|mind)\b)[^,;.:!?]*$"
+)
+CONDITION = re.compile(
+    r"^(?:if (?:you|we|i) (?!(?:can|could|please|would|want|like|do not|may|wo|will)\b)"
+    r"|(?:he|she|they|i) (?:said|says|told|says that) :)"
+)
+"""A sentence that only denies, tells a condition, or what somebody said."""
+NOT_ONLY = re.compile(r"\b(?:but|just|instead|rather|only|and|make it (?:lighter|brighter|darker))\b")
+"""Words after which what is asked follows what is denied."""
 REFERS = re.compile(r"\b(?:it|its|them|their|him|his|her|there)\b")
 """Words for what a remark named."""
 
@@ -76,7 +88,13 @@ def _read(sentence: str, saved: Collection[str], nouns: Nouns) -> tuple[list[Cha
         return f" <{len(files) - 1}> "
 
     text = FILE.sub(put, re.sub(r"[<>]", " ", sentence))
+    text = NUMBERED.sub(lambda found: f"the {nouns.stand_in(f'object {found[1]}')}", text)
     frames = framed(chunked(scanned(called(text, saved, nouns)), nouns))
+    if not frames.asked.strip(" ,.;:!?") and frames.asked != text:
+        raise Refused("negation")
+    denied = DENIED.search(frames.asked) and not NOT_ONLY.search(frames.asked)
+    if denied or CONDITION.search(frames.asked):
+        raise Refused("negation")
     changes, unread = _best(frames)
     if frames.weaker:
         changes = [_weaker(change) for change in changes]

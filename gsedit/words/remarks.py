@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
-from gsedit.words.scan import STAND_IN
+from gsedit.words.scan import STAND_IN, scanned
 
 SPLIT = re.compile(
     r"(?<!\S)(?:[,;.!?:\n]|and|but|or|because|since|so that|so(?= (?:i|it|he|she|we|they|you|people|everyone|my|this|that)\b)|as(?= (?:i|it|we|they|he|she|my|you)\b)|cause|cuz|cos|coz|though|although|while|when)(?!\S)"
@@ -25,6 +25,8 @@ HOLDS = re.compile(
     r"\b(?:keep|keeps|kept|leave|stay|stays|staying|remain|remains|same|clear|clean|dry|real|normal|untouched|spare|except|only|without|still want|still see|visible|alone|as is|unchanged)\b"
 )
 """Words of what stays: a clause with a thing and one of them is no remark."""
+NAMED = {"look", "light", "material", "noun", "hue"}
+"""Kinds of what "it" may be after a remark: no thing."""
 FEELING = re.compile(
     r"(?:i|we|he|she|nobody|they|it|that|this) (?:really |just |never |do not |does not )*(?:like|liked|likes|need|needs|want|wants|annoys|bothers|bugs|hates|hate) (?:it|them|that|this|him|her|me|us)(?: [a-z]+)?"
     r"|(?:that|it|this) would be (?:great|nice|lovely|good|perfect|wonderful|awesome|cool|fine|amazing|super)(?: [a-z]+)?"
@@ -85,6 +87,10 @@ def without_remarks(text: str) -> Iterator[str]:
         remark |= is_remark
         if not is_remark:
             kept.append(whole if kept else part)
-    if remark and kept:
-        yield " ".join(kept)
+    text_kept = " ".join(kept)
+    dropped = " ".join(part for _, part in clauses if part not in text_kept)
+    brought = NAMED & {word.kind for word in scanned(dropped)}
+    refers = re.search(r"\b(?:it|them|that)\b", text_kept) and not re.search(STAND_IN, text_kept)
+    if remark and kept and not (brought and refers and not re.search(STAND_IN, dropped)):
+        yield text_kept
     yield text
