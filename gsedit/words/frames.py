@@ -132,7 +132,9 @@ def _retract(frames: Frames, pattern: re.Pattern[str]) -> None:
     if not matches:
         return
     match = matches[-1]
-    if re.match(r"[ ,]*(?:just )?(?:leave|keep) (?:it|them|that|everything)\b", frames.asked[match.end() :]):
+    if re.match(
+        r"[ ,]*(?:just )?(?:leave|keep) (?:it|them|that|everything)\b", frames.asked[match.end() :]
+    ):
         frames.asked = frames.asked[match.end() :]
         return
     before = frames.asked[: match.start()].strip(" ,.!;:?")

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 
 from gsedit.words.instruction import Change
 from gsedit.words.lexicon import SLOTS, rows_of, things
-from gsedit.words.scan import DETERMINERS, STAND_IN, Word
+from gsedit.words.scan import DETERMINERS, STAND_IN, Word, scanned
 
 DEFINITE = DETERMINERS | {"these", "those", "its", "both", "all", "every", "each"}
 """Words that a noun phrase begins with."""
@@ -31,7 +31,11 @@ NO_NOUNS = frozenset(things("nothing")) | frozenset(things("loose")) | frozenset
 NO_NOUNS -= {"face", "faces", "head", "foreground"}
 """Words that are no things, whatever stands before them."""
 VERBS = [word for kind, _, row in rows_of(SLOTS) if kind == "verb" for word in row]
-OTHERS = frozenset(things("other")) | frozenset(things("over")) | {word for each in VERBS for word in each.split()[:1]}
+OTHERS = (
+    frozenset(things("other"))
+    | frozenset(things("over"))
+    | {word for each in VERBS for word in each.split()[:1]}
+)
 """Words that are no things where they have no article."""
 RELATIONS = re.compile(
     r"(?:to the|on the|at the|in the)? ?(?:left|right|front|top|bottom|back|edge|middle|center)?"
@@ -74,6 +78,17 @@ class Nouns:
         place = change.place and replace(change.place, of=self.restored(change.place.of))
         keep = tuple(map(self.restored, change.keep))
         return replace(change, phrase=self.restored(change.phrase), place=place, keep=keep)
+
+
+def tells(phrase: str) -> bool:
+    """Whether a phrase has a color, a size or a place that tells a thing from others."""
+    words = scanned(phrase)
+    sized = set(" ".join(word.text for word in words).split()) & {
+        *things("telling"),
+        "one",
+        "thing",
+    }
+    return bool(sized) or any(word.kind in ("color", "direction") for word in words)
 
 
 def called(sentence: str, saved: Collection[str], nouns: Nouns) -> str:
@@ -179,10 +194,8 @@ def _head(words: Sequence[Word], at: int, plain: bool) -> int:
     start, head = at, 0
     while at < len(words):
         word = words[at]
-        noun = (
-            word.kind in HEADS
-            or (word.text in ONES
-            and (head or word.text not in ("frame", "frames")))
+        noun = word.kind in HEADS or (
+            word.text in ONES and (head or word.text not in ("frame", "frames"))
         )
         if (
             word.text in NO_NOUNS

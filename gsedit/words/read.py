@@ -16,7 +16,7 @@ from gsedit.words.checks import meets, stops, unread_in
 from gsedit.words.clauses import NEGATIONS
 from gsedit.words.frames import NOUN, Frames, framed
 from gsedit.words.instruction import MOST, Change, Instruction
-from gsedit.words.nouns import Nouns, called, chunked
+from gsedit.words.nouns import Nouns, called, chunked, tells
 from gsedit.words.phrases import IT, NUMBERED, with_base, without_base
 from gsedit.words.plain import plainly
 from gsedit.words.refusals import REASONS, Refused, first_refusal, unlike_all
@@ -29,14 +29,17 @@ WEAKER = 0.5
 
 DENIED = re.compile(
     r"^(?:please |, )*(?:do not|dont|never|nobody|no one|there is no need|i do not want(?! the zq)"
-    r"|i would not|avoid|stop) (?!(?:like|love|forget|hesitate|mind)\b)[^,;.:!?]*$"
+    r"|i would not|avoid|stop) (?!(?:like|love|forget|hesitate|mind)\b)"
+    r"(?!.*\b(?:so|too|as)\b)[^,;.:!?]*$"
 )
 CONDITION = re.compile(
     r"^(?:if (?:you|we|i) (?!(?:can|could|please|would|want|like|do not|may|wo|will)\b)"
     r"|(?:he|she|they|i) (?:said|says|told|says that) :)"
 )
 """A sentence that only denies, tells a condition, or what somebody said."""
-NOT_ONLY = re.compile(r"\b(?:but|just|instead|rather|only|and|make it (?:lighter|brighter|darker))\b")
+NOT_ONLY = re.compile(
+    r"\b(?:but|just|instead|rather|only|and|make it (?:lighter|brighter|darker))\b"
+)
 """Words after which what is asked follows what is denied."""
 REFERS = re.compile(r"\b(?:it|its|them|their|him|his|her|there)\b")
 """Words for what a remark named."""
@@ -96,6 +99,7 @@ def _read(sentence: str, saved: Collection[str], nouns: Nouns) -> tuple[list[Cha
     if denied or CONDITION.search(frames.asked):
         raise Refused("negation")
     changes, unread = _best(frames)
+    changes = _alone(changes, frames, nouns)
     if frames.weaker:
         changes = [_weaker(change) for change in changes]
     if frames.kept:
@@ -121,6 +125,15 @@ def _read(sentence: str, saved: Collection[str], nouns: Nouns) -> tuple[list[Cha
         for c in changes
     ]
     return named, unread
+
+
+def _alone(changes: list[Change], frames: Frames, nouns: Nouns) -> list[Change]:
+    """Lights and looks of the one thing that a phrase tells from others: "light the red one"."""
+    found = list(dict.fromkeys(NOUN.findall(frames.asked)))
+    lit = all(c.target == "scene" and c.kind in ("light", "look") for c in changes)
+    if len(found) != 1 or not lit or frames.kept or not tells(nouns.phrases[found[0]]):
+        return changes
+    return [replace(c, target="subject", phrase=f"the {found[0]}") for c in changes]
 
 
 def _best(frames: Frames) -> tuple[list[Change], list[str]]:

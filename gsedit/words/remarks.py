@@ -68,11 +68,10 @@ def without_remarks(text: str) -> Iterator[str]:
     for mark, part in clauses:
         whole = f"{mark} {part}".strip()
         reason = (
-            (mark.split()[-1:]
+            mark.split()[-1:]
             and mark.split()[-1]
-            in ("because", "since", "cause", "cuz", "cos", "coz", "so that", "as"))
-            or mark.endswith("so that")
-        )
+            in ("because", "since", "cause", "cuz", "cos", "coz", "so that", "as")
+        ) or mark.endswith("so that")
         asif = part.startswith(("as if", "as though")) or (
             mark.endswith("as") and part.startswith(("if", "though"))
         )

@@ -274,9 +274,11 @@ def _copy(clause: Clause) -> Change | None:
         rf"(?:x ?)?{NUMBER} ?(?:times|time|x|copies|duplicates|clones)(?: more)?|x ?(?P<x>\d+)"
     ):
         count = float(match["x"]) if match["x"] else _value(match["n"])
-    elif (match := clause.take(
-        rf"{NUMBER} (?:more|extra|additional|other|identical|same|further|new)(?: of| identical| same| like)*"
-    )) or (match := clause.take(rf"(?:another|other|extra) {NUMBER}(?: of)?")):
+    elif (
+        match := clause.take(
+            rf"{NUMBER} (?:more|extra|additional|other|identical|same|further|new)(?: of| identical| same| like)*"
+        )
+    ) or (match := clause.take(rf"(?:another|other|extra) {NUMBER}(?: of)?")):
         count, verb = _value(match["n"]), True
     elif clause.word("again"):
         verb = True
