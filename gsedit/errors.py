@@ -21,6 +21,7 @@ MOVES = {
     "point": ": point at it with --at VIEW:X,Y and say 'remove it', or save it by a name with "
     "gsedit select ... --as NAME, and say that",
     "any-sentence": f"; for any sentence: {ANY}",
+    "unread": " Add --accept-unread, or say it in other words",
     "styles": f" (gsedit list styles), and --like takes a picture's. For any sentence: {ANY}",
     "like": ": add --like PICTURE",
     "unlike": ": leave --like out, or say 'in the style of this picture'",

@@ -46,17 +46,24 @@ class Verbs:
         return await self._run("info", [self._path(scene)])
 
     async def edit(
-        self, scene: str, sentence: str, output: str, region: str = "auto"
+        self,
+        scene: str,
+        sentence: str,
+        output: str,
+        region: str = "auto",
+        accept_unread: bool = False,
     ) -> dict[str, Any]:
         """Edit a scene from a sentence, as in "turn it into bronze"; seconds to minutes.
 
         `output` is a new folder: scene.ply, before_after.png and edit.json. `region` that may
-        change: auto, all, box:x0,y0,z0,x1,y1,z1 or sphere:x,y,z,r.
+        change: auto, all, box:x0,y0,z0,x1,y1,z1 or sphere:x,y,z,r. With `accept_unread` words of
+        the sentence that are not read stop nothing.
         """
         if region not in WHOLE and not region.startswith(SHAPES):
             raise UsageError("region must be auto, all, box:... or sphere:...")
         self._sentence(sentence)
         options = [f"--output={self._path(output)}", f"--region={region}"]
+        options += ["--accept-unread"] * accept_unread
         return await self._run("edit", [self._path(scene), sentence], options)
 
     async def make(self, photos: str, sentence: str, output: str) -> dict[str, Any]:

@@ -13,7 +13,9 @@ from typing import Any
 from gsedit.words.colors import distance, lab_of
 from gsedit.words.instruction import Change
 from gsedit.words.lexicon import style_words
+from gsedit.words.nouns import DEFINITE
 from gsedit.words.read import read_instruction
+from gsedit.words.scan import scanned
 
 SAME = {
     "aluminium": "aluminum", "fibre": "fiber", "grey": "gray", "rusted": "rust", "rusty": "rust",
@@ -42,9 +44,44 @@ def tokens(name: str) -> set[str]:
     return {SAME.get(word, word) for word in re.findall(r"[a-z]+", name.lower())}
 
 
+def plain(made: dict[str, Any], asked: dict[str, Any]) -> dict[str, Any]:
+    """A made change whose noun alone is the subject or the background that was asked for: the
+    older files have no phrase for looks of these."""
+    phrase = made.get("phrase", "")
+    if made["kind"] == "object" or asked.get("phrase") or not phrase or asked["kind"] == "object":
+        return made
+    words = [word for word in scanned(phrase) if word.text not in DEFINITE]
+    if words[-1].kind in ("ground", "place") and asked["target"] != "subject":
+        return {**made, "phrase": "", "target": asked["target"]}
+    return {**made, "phrase": ""}
+
+
+def names_part(phrase: str) -> bool:
+    """Whether a phrase names a part of a thing, as "the ears"."""
+    return any(word.kind == "part" or word.text == "head" for word in scanned(phrase))
+
+
+def bare(phrase: str) -> str:
+    """A phrase without its article."""
+    return phrase.removeprefix("the ")
+
+
+def is_for_scene(made: dict[str, Any]) -> bool:
+    """Whether only a scene can tell that a change is not done: metres without a scale."""
+    several = made["name"] == "copy" and (made["amount"] or 1) > 1
+    return several or bool(made["place"] and made["place"].get("metres"))
+
+
+def grounded(made: dict[str, Any]) -> dict[str, Any]:
+    """A change of the ground by its name as one of the background."""
+    words = scanned(made["phrase"])
+    ground = bool(words) and words[-1].kind == "ground" and made["kind"] not in ("object", "growth")
+    return {**made, "phrase": "", "target": "background"} if ground else made
+
+
 def agrees(made: dict[str, Any], asked: dict[str, Any]) -> bool:
     """Whether one made change is one that was asked for."""
-    made, asked = mode(made), mode(asked)
+    made, asked = mode(plain(made, asked)), mode(asked)
     if (made["target"], made["kind"]) != (asked["target"], asked["kind"]):
         lit = {made["kind"], asked["kind"]} == {"light", "look"}
         if not (lit and made["target"] == asked["target"]):
@@ -56,7 +93,7 @@ def agrees(made: dict[str, Any], asked: dict[str, Any]) -> bool:
         return distance(made["color"], asked["color"]) <= 15 and (
             not finish or finish in made["name"]
         )
-    if made.get("phrase", "") != asked.get("phrase", ""):
+    if bare(made.get("phrase", "")) != bare(asked.get("phrase", "")):
         return False
     if made["kind"] in ("object", "growth"):
         return acts_alike(made, asked)
@@ -70,7 +107,10 @@ def acts_alike(made: dict[str, Any], asked: dict[str, Any]) -> bool:
     """Whether two actions on an object are of one kind, by one amount, to one place."""
     amounts = [float("inf") if each["amount"] is None else each["amount"] for each in (made, asked)]
     near = amounts[0] == amounts[1] or abs(amounts[0] - amounts[1]) < 0.02
-    return near and all(made[key] == asked[key] for key in ("name", "place"))
+    place = made["place"] and {
+        key: each for key, each in made["place"].items() if each or key != "metres"
+    }
+    return near and made["name"] == asked["name"] and place == asked["place"]
 
 
 def tone_agrees(made: dict[str, Any], asked: dict[str, Any]) -> bool:
@@ -119,6 +159,13 @@ def opposes(made: dict[str, Any], pattern: dict[str, Any]) -> bool:
 def grade(entry: dict[str, Any], changes: tuple[Change, ...], known: bool) -> str:
     """One of right, refused rightly, wrong, opposite; a wrong refusal is wrong."""
     made = [asdict(change) for change in changes]
+    if (
+        not entry["known"]
+        and made
+        and all(names_part(each["phrase"]) or is_for_scene(each) for each in made)
+    ):
+        return "refused rightly"  # the part is named: it is found in a scene, or refused there
+    made = [grounded(each) for each in made]
     if any(opposes(change, pattern) for change in made for pattern in entry["opposite"]):
         return "opposite"
     if not entry["known"]:

@@ -12,7 +12,6 @@ from threading import Thread
 LOADED = (
     "torch",
     "gsedit.editing.measure",
-    "gsedit.words.called",
     "gsedit_cli.verbs.edit",
     "gsedit_cli.main",
 )

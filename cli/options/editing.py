@@ -215,7 +215,7 @@ def asks_editor(editor: EditorOptions, values: Values) -> bool:
 
 
 def read_sentence(
-    text: str, scene: Path | None = None, *, drawn: bool = False
+    text: str, scene: Path | None = None, *, drawn: bool = False, accept_unread: bool = False
 ) -> tuple[Instruction, ...]:
     """Return the steps of a sentence, in order; where all is `drawn`, one with the sentence as is.
 
@@ -226,7 +226,8 @@ def read_sentence(
     from gsedit.formats.files import open_scene
     from gsedit.select.saved import saved_files
 
-    steps = read_steps(text, () if scene is None else tuple(saved_files(scene)), drawn=drawn)
+    names = () if scene is None else tuple(saved_files(scene))
+    steps = read_steps(text, names, drawn=drawn, accept_unread=accept_unread)
     for change in (each for step in steps for each in step.changes):
         if change.name == "insert":
             open_scene(change.phrase)  # before the long work

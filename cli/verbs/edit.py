@@ -62,6 +62,8 @@ class EditOptions(Reads, Resumes):
     can cause, and the time and memory that a large 2D model would take."""
     preview: bool = option(False)
     """Edit nothing: draw one view, before and after, into -o FILE.png (preview.png)."""
+    accept_unread: bool = option(False)
+    """Do what was read of the sentence, though words of it were not read."""
     preset: str = option("default", "default|quick|paper")
     """Values of the options that are not given. quick: half of the evaluations of a 2D model.
     paper: Efficient-NeRF2NeRF as printed; gsedit list presets shows all that each sets."""
@@ -99,7 +101,8 @@ class EditCommand:
         options of a 2D editor where nothing is drawn."""
         from gsedit.editing.plan import is_exact
 
-        steps = read_sentence(self.instruction, self.scene, drawn=self.editor.draws_all)
+        drawn, unread = self.editor.draws_all, self.own.accept_unread
+        steps = read_sentence(self.instruction, self.scene, drawn=drawn, accept_unread=unread)
         if self.asks and all(map(is_exact, steps)):
             what = f"{self.instruction.strip()!r} asks for nothing that is drawn"
             raise UsageError(Said(what, "undrawn"))
@@ -255,6 +258,7 @@ def run_edit(asked: EditCommand) -> EditResult | None:
     if own.explain:
         plan = plan_edit(gaussians, asked.instruction, views, **request)
         return print_result(plan._asdict(), plan.describe())
+    request["accept_unread"] = own.accept_unread
     items = edit_steps(gaussians, asked.instruction, views, **request, resume=state)
     source = {"scene": asked.scene.absolute(), "drop_invalid": own.drop_invalid}
     check = partial(check_folder, folder, own.force or state is not None, leftovers=LEFTOVERS)

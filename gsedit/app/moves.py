@@ -18,6 +18,7 @@ ON_PAGE = {
     "objects-masks": "; or click on it",
     "point": ": select it by a click and say 'remove it'",
     "any-sentence": "",
+    "unread": " Say it in other words, or leave them out",
     "styles": "",
     "like": ": load one",
     "unlike": "",

@@ -15,8 +15,8 @@ from gsedit.errors import UsageError
 from gsedit.paper.editors.registry import make_editor
 from gsedit.paper.protocol import Editor
 from gsedit.words.actions import FILE
-from gsedit.words.called import read_called
 from gsedit.words.instruction import MORE, Change, Instruction, sentence_of
+from gsedit.words.read import read_instruction
 
 FINISHES = {"paint": ("glossy", "satin", "matte"), "material": ("polished", "satin", "matte")}
 """Words for how rough paint and materials are, from smooth to rough."""
@@ -119,7 +119,7 @@ def read(text: str, names: Iterable[str] = (), places: Places | None = None) -> 
     """Understand a sentence; `names` are those of the scene's saved selections.
 
     One that names a file outside of the places is refused."""
-    instruction = read_called(text, tuple(names))
+    instruction = read_instruction(text, tuple(names))
     try:
         if places is not None:
             for name in FILE.findall(text):

@@ -143,13 +143,15 @@ def prepare(
     features: FeatureExtractor | None = None,
     generator: torch.Generator | None = None,
     resume: State | None = None,
+    accept_unread: bool = False,
 ) -> Job:
     """Read a sentence, and check what is asked; without views, some are searched.
 
     The `editor` (the painter) draws its painting styles by the strategy (the single pass); one that
     is no painter draws all of it, and so is all drawn by a strategy that asks no editor. `names`
-    are those of saved selections, and masks for nouns. `resume` is the state of a checkpoint of the
-    same edit. Raises UsageError for a sentence that is
+    are those of saved selections, and masks for nouns; with `accept_unread` words of which nothing
+    was made do not stop the rest. `resume` is the state of a checkpoint of the same edit. Raises
+    UsageError for a sentence that is
     refused, what only a drawing heeds where nothing is drawn, masks that nothing asks for, an empty
     scene.
     """
@@ -158,7 +160,8 @@ def prepare(
     settings, names = settings or EditSettings(), names or Names()
     asks = strategy is None or asks_editor(strategy)
     drawn = not asks or (editor is not None and not editor.capabilities.paints_styles)
-    steps = read_steps(sentence, tuple(names.saved), drawn=drawn)
+    saved = tuple(names.saved)
+    steps = read_steps(sentence, saved, drawn=drawn, accept_unread=accept_unread)
     method = None
     if not all(map(is_exact, steps)):
         generator = generator or torch.Generator().manual_seed(0)

@@ -136,6 +136,12 @@ def _regions(changes: Sequence[Change], finder: Finder) -> dict[str, Region]:
     for phrase in phrases:
         if phrase in (IT, *meant):
             continue
+        if phrase in firsts and any(phrase in each.keep for each in changes):
+            raise UsageError(
+                f"{phrase!r} must stay as it is, and only a network knows what that is: tell it by "
+                "its color, size or place, as in 'but not the red one', or save it by a name with "
+                "gsedit select ... --as NAME"
+            )
         if phrase in firsts:
             raise UsageError(
                 f"only a network knows what {phrase!r} is, beside the main subject: tell it by its "
@@ -150,9 +156,25 @@ def _regions(changes: Sequence[Change], finder: Finder) -> dict[str, Region]:
                 f"{error}; a noun alone, as 'the bear', is the main subject"
             ) from error
     for change in changes:
-        if (key := key_of(change)) not in found and change.target == "background":
-            found[key] = _others(found[change.phrase])
+        whole = key_of(replace(change, keep=()))
+        if whole not in found and change.target == "background":
+            found[whole] = _others(found[change.phrase])
+        if change.keep:
+            found[key_of(change)] = _without(found[whole], change, found)
     return found
+
+
+def _without(region: Region, change: Change, found: Mapping[str, Region]) -> Region:
+    """A region without what a change keeps. Raises UsageError where nothing of it is left."""
+    inside = region.inside
+    for phrase in change.keep:
+        inside = inside & ~found["subject" if phrase == IT else phrase].inside
+    if not inside.any():
+        raise UsageError(
+            f"{change}: nothing is left of it without {' and '.join(change.keep)}: point at what "
+            "changes with --at VIEW:X,Y"
+        )
+    return Region(inside, f"{region.note}, but not {' and '.join(change.keep)}", "", region.sure)
 
 
 def unknown_nouns(changes: Sequence[Change], names: Names) -> list[str]:
@@ -164,7 +186,10 @@ def unknown_nouns(changes: Sequence[Change], names: Names) -> list[str]:
 
 def taken_nouns(changes: Sequence[Change], names: Names) -> list[str]:
     """The noun that is taken for the main subject: the first unknown one, unless "it" is said."""
-    return unknown_nouns(changes, names)[: IT not in _phrases(changes)]
+    said = IT in _phrases(changes) or any(
+        each.target == "subject" and not each.phrase for each in changes
+    )
+    return unknown_nouns(changes, names)[: not said]
 
 
 def _others(region: Region) -> Region:
@@ -179,9 +204,10 @@ def _phrases(changes: Sequence[Change]) -> list[str]:
     named = list[str]()
     for change in changes:
         place = change.place
-        named += [] if key_of(change) == "background" else [change.phrase]
+        named += [] if key_of(replace(change, keep=())) == "background" else [change.phrase]
         grounded = change.name == "insert" and place and place.of in GROUNDS
         named += [place.of] if place and not grounded else []
+        named += change.keep
     return [phrase for phrase in dict.fromkeys(named) if phrase not in made]
 
 

@@ -25,6 +25,7 @@ from gsedit.views.paths import up_of
 from gsedit.views.viewpoints import that_see
 from gsedit.words.instruction import Change, Place
 from gsedit.words.phrases import GROUNDS
+from gsedit.words.refusals import REASONS
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
@@ -63,6 +64,10 @@ def paint_objects(
         return _without(scene, inside)
     if change.name == "remove":
         return objects.remove(scene, inside, cameras, execution)
+    if any(each.place is not None and each.place.metres for each in run):
+        raise UsageError(REASONS["distance"])
+    if change.name == COPY and (change.amount or 1) > 1:
+        raise UsageError(REASONS["copies"])
     placement = Placement()
     for each in run:
         placement = _placed(placement, each, flags, key_of(change))

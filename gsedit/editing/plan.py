@@ -11,9 +11,9 @@ from itertools import groupby
 
 from gsedit.errors import UsageError
 from gsedit.paper.settings import EditSettings
-from gsedit.words.called import read_called
 from gsedit.words.instruction import Change, Instruction
 from gsedit.words.phrases import GROUNDS
+from gsedit.words.read import read_instruction
 from gsedit.words.refusals import no_style
 
 EXACT_ROUTES = ("tone", "paint", "material", "light", "scenery", "object")
@@ -44,14 +44,19 @@ def asks_editor_2d(settings: EditSettings) -> bool:
 
 
 def read_steps(
-    sentence: str, names: Collection[str] = (), *, drawn: bool = False
+    sentence: str,
+    names: Collection[str] = (),
+    *,
+    drawn: bool = False,
+    accept_unread: bool = False,
 ) -> tuple[Instruction, ...]:
     """Steps of a sentence, in order; a single one with the sentence as it is where all is `drawn`.
 
-    `names` are those of saved selections. Raises UsageError as `steps_of` does.
+    `names` are those of saved selections; with `accept_unread` words that nothing was made of stop
+    nothing. Raises UsageError as `steps_of` does.
     """
     if not drawn:
-        return steps_of(read_called(sentence, names))
+        return steps_of(read_instruction(sentence, names, accept_unread=accept_unread))
     change = Change("scene", "look", PICTURE, None, None, PICTURE)
     return (Instruction(sentence, True, "", (change,)),)
 
@@ -73,7 +78,11 @@ def steps_of(instruction: Instruction) -> tuple[Instruction, ...]:
     groups = groupby(changes, lambda each: "" if each.route in EXACT_ROUTES else key_of(each))
     steps = [tuple(group) for _, group in groups]
     told = ["; ".join(map(str, step)) for step in steps]
-    return tuple(Instruction(text, True, text, step) for text, step in zip(told, steps))
+    left = (instruction.unread, *((),) * len(steps))
+    return tuple(
+        Instruction(text, True, text, step, unread=each)
+        for text, step, each in zip(told, steps, left)
+    )
 
 
 def runs_of(step: Instruction) -> Iterator[tuple[Change, ...]]:
@@ -107,7 +116,13 @@ LEVEL = ("leaves", "puddles")
 
 
 def key_of(change: Change) -> str:
-    """Name of what changes: its phrase, or its target; PICTURE for what a 2D editor will tell."""
+    """Name of what changes: its phrase, or its target, without what it keeps; PICTURE for what a
+    2D editor will tell."""
+    return " but not ".join((_whole_of(change), *change.keep))
+
+
+def _whole_of(change: Change) -> str:
+    """Name of what changes, with what it keeps."""
     if change.route == PICTURE:
         return PICTURE
     if change.name in LEVEL and change.phrase in GROUNDS:

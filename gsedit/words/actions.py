@@ -15,9 +15,9 @@ from gsedit.formats.registry import READABLE
 from gsedit.words.chosen import parted
 from gsedit.words.deeds import change_of, side_of
 from gsedit.words.instruction import Change
-from gsedit.words.phrases import DEFINITE, IT, NUMBERED, PRONOUNS, in_letters, object_phrase
+from gsedit.words.phrases import DEFINITE, IT, PRONOUNS, object_phrase
 from gsedit.words.refusals import Refused
-from gsedit.words.scan import scanned, tokens
+from gsedit.words.scan import scanned
 
 SUFFIX = rf"(?:{'|'.join(map(re.escape, READABLE))})\b"
 FILE = re.compile(rf"\"[^\"]+{SUFFIX}\"|'[^']+{SUFFIX}'|[^\s\"',;]+{SUFFIX}", re.IGNORECASE)
@@ -82,16 +82,12 @@ class OtherClauses:
     """Whether they only say what else it becomes: "make it bigger and brighter"."""
 
 
-def actions_of(sentence: str) -> list[Change | OtherClauses] | None:
+def actions_of(text: str) -> list[Change | OtherClauses] | None:
     """Changes of objects in order, with the clauses between them; None for no action.
 
     Raises Refused for an action beside what is denied, or for one that cannot be done.
     """
-    sentence = re.sub(r"[<>]", " ", sentence)  # stand for files below
-    sentence = NUMBERED.sub(lambda found: f"the {in_letters(found[1])}", sentence)
-    files = [name.strip("\"'") for name in FILE.findall(sentence)]
-    numbered = iter(range(len(files)))
-    text = " ".join(map(_spelt, tokens(FILE.sub(lambda _: f" <{next(numbered)}> ", sentence))))
+    text = " ".join(map(_spelt, text.split()))
     found, last = list[Change | str](), Piece(0, 0, "", False)
     for clause in _clauses(text):
         change = _action(clause, found)
@@ -104,7 +100,7 @@ def actions_of(sentence: str) -> list[Change | OtherClauses] | None:
     if not any(isinstance(each, Change) for each in found):
         return None
     _refuse_others(found)
-    return list(_linked([_named(each, files) for each in found]))
+    return list(_linked(found))
 
 
 def _spelt(word: str) -> str:
@@ -187,7 +183,7 @@ def _linked(found: list[Change | str]) -> Iterator[Change | OtherClauses]:
     for before, each in zip([None, *found], found):
         if isinstance(each, str):
             yield OtherClauses(each, last, _goes_on(before, each))
-            last = next((phrase for _, phrase in reversed(parted(each, nouns=True))), "") or last
+            last = next((phrase for _, phrase in reversed(parted(each)) if phrase), "") or last
             continue
         change = replace(each, phrase=last) if each.phrase == IT else each
         if change.name == "copy" and change.place and change.place.of == IT:
@@ -201,10 +197,3 @@ def _goes_on(before: Change | str | None, text: str) -> bool:
     stays = isinstance(before, Change) and before.name != "remove" and before.kind == "object"
     words = scanned(text)
     return stays and all(w.kind in QUALITIES and w.text not in DEFINITE for w in words)
-
-
-def _named(each: Change | str, files: list[str]) -> Change | str:
-    """A change whose file has its own name again; anything else as it is."""
-    if isinstance(each, str) or not each.phrase.startswith("<"):
-        return each
-    return replace(each, phrase=files[int(each.phrase.strip("<>"))])

@@ -35,6 +35,8 @@ def amount_of(words: list[Word]) -> Amount:
             return Amount(factor=2.0)
         if word.kind == "factor":
             return Amount(factor=word.number)
+        if word.kind == "fraction" and any(w.value == "stops" for w in words[at + 1 : at + 4]):
+            return Amount(factor=2.0 ** (word.number * (last or 1.0)))
         if word.kind == "fraction" and not (after and after.kind == "number"):
             return _fraction(words, at, word.number * (last or 1.0))
         if word.kind == "number":
@@ -85,7 +87,7 @@ def _percent(words: list[Word], at: int, share: float) -> Amount:
 
 
 def _fraction(words: list[Word], at: int, share: float) -> Amount:
-    before = [word.text for word in words[max(at - 2, 0) : at]]
+    before = [word.text for word in words[max(at - 4, 0) : at]]
     after = words[at + 1].text if at + 1 < len(words) else ""
     noun = at + 1 < len(words) and words[at + 1].kind == "noun"
     remains = after == "as" or (after in ("of", "the") and "by" not in before) or "to" in before

@@ -357,7 +357,6 @@ def refuse_parts(clause: Clause) -> None:
     """Raise Refused for a clause about shape, an object, or a part that nothing finds."""
     words, kinds = clause.words, clause.kinds()
     scenic = kinds & {"light", "look"}
-    unknown = [at for at, word in enumerate(words) if word.kind == "unknown"]
     if "shape" in kinds and not scenic and not kinds & {"noun", "hue"}:
         raise Refused("geometry")
     sided = any(word.value in ("from the left", "from the right") for word in words)
@@ -373,18 +372,6 @@ def refuse_parts(clause: Clause) -> None:
         alone = not any(each.kind in ("unknown", *TARGETS) for each in words[at + 1 : at + 3])
         if word.kind == "material" and at and words[at - 1].text in DETERMINERS and alone:
             raise Refused("part")  # "the rock" is a thing
-    for at in unknown:
-        if [word.text for word in words[max(at - 3, 0) : at - 1]] in (
-            ["with", "a"],
-            ["with", "an"],
-        ):
-            raise Refused("geometry")  # "with a red scarf"
-        owned = at and (words[at - 1].kind == "poss" or words[at - 1].text in OWNERS)
-        after = at and words[at - 1].kind == "subject"
-        of = [word.text for word in words[at + 1 : at + 2]] == ["of"]
-        whole = any(word.kind == "subject" for word in words[at + 1 : at + 4])
-        if owned or after or (of and whole):
-            raise Refused("part")
     if any(_hung(words, at) for at, word in enumerate(words) if word.value in lexicon.styles()):
         raise Refused("geometry")
     if "act" in clause.tags() and not (scenic or kinds & {"noun", "turn", "style"}):

@@ -17,6 +17,7 @@ from gsedit.words.lexicon import things
 from gsedit.words.phrases import IT, object_phrase
 from gsedit.words.refusals import Refused
 from gsedit.words.scan import scanned
+from gsedit.words.slots import acted
 
 NEAR, FAR = 0.25, 1.0
 """Shares of its size that an object moves "a bit" and "a lot"."""
@@ -64,7 +65,7 @@ def change_of(clause: str) -> Change | None:
             said = {name: text or "" for name, text in match.groupdict().items()}
             if change := make(said):
                 return change
-    return None
+    return acted(clause)
 
 
 def _changed(name: str, said: Said, amount: float | None = None) -> Change | None:
@@ -160,6 +161,8 @@ def _moved(said: Said) -> Change | None:
     if upright and (not lift or change.phrase == IT):
         return None  # "bring it down", "raise it" are said of tones
     amount, units = distance_of(said.get("far", ""))
+    if amount is None and units:
+        return None  # in metres
     if amount is not None and place.of:
         return None  # "20 % next to the chair"
     place = Place(place.side, place.of, units)
@@ -177,13 +180,6 @@ def _copied(said: Said) -> Change | None:
     if not phrase or not place:
         return None
     return Change("subject", "object", "copy", None, None, "object", phrase, place)
-
-
-def _counted(said: Said) -> Change | None:
-    """Nothing: only one copy is made. Raises Refused for several of what is an object."""
-    if _copied({"x": said.get("x", "")}):
-        raise Refused("copies")
-    return None
 
 
 def _inserted(said: Said) -> Change | None:
@@ -226,7 +222,7 @@ def distance_of(text: str) -> tuple[float | None, bool]:
     if not text:
         return None, False
     if re.search(rf"\b(?:{HOLES['METRES']})$", text):
-        raise Refused("distance")
+        return None, True
     words = scanned(text)
     kinds = {word.kind for word in words}
     if "slight" in kinds or "strong" in kinds:
@@ -263,10 +259,14 @@ def _thickness(thick: str) -> float:
     return float(things("thickness")[thick])
 
 
+def _emptied(said: Said) -> Change:
+    """All that there is removed: only where something is left out of it."""
+    return Change("scene", "object", "remove", None, None, "object", "")
+
+
 MAKERS: dict[str, Callable[[Said], Change | None]] = {
-    "isolate": _isolated, "remove": _removed, "unwanted": _unwanted, "scale": _scaled,
-    "resize": _of_old, "turn": _turned, "move": _moved, "insert": _inserted, "count": _counted,
-    "copy": _copied, "grow": _grown,
+    "isolate": _isolated, "all": _emptied, "remove": _removed, "unwanted": _unwanted, "scale": _scaled,
+    "resize": _of_old, "turn": _turned, "move": _moved, "insert": _inserted, "copy": _copied, "grow": _grown,
 }  # fmt: skip
 """Who makes a change of what a pattern finds, by the deed of its row."""
 PATTERNS = [

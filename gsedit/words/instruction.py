@@ -25,6 +25,8 @@ class Place:
     """Phrase of what it is a side of, "it" for where it was; "" for a way to go."""
     units: bool = False
     """Whether the change's amount is in units of the scene's file, not a share of its size."""
+    metres: bool = False
+    """Whether it is in metres."""
 
     def __str__(self) -> str:
         words = SIDES[self.side] if self.of else WAYS.get(self.side, self.side)
@@ -68,10 +70,17 @@ class Change:
     for what the target says."""
     place: Place | None = None
     """Place that the object gets."""
+    keep: tuple[str, ...] = ()
+    """Phrases of what stays as it is in the part that changes: "the bear but not its nose"."""
 
     @property
     def part(self) -> str:
         """Part that changes, in words."""
+        kept = " and ".join(self.keep)
+        return f"{self._part} but not {kept}" if kept else self._part
+
+    @property
+    def _part(self) -> str:
         if self.phrase not in ("", "it"):
             return f"everything but {self.phrase}" if self.target == "background" else self.phrase
         return "the whole scene" if self.target == "scene" else f"the {self.target}"
@@ -129,6 +138,8 @@ def _deed(change: Change) -> str:
     if change.name == "copy" and change.place and change.place.of == change.phrase:
         place = f" {SIDES[change.place.side]} it"
     match change.name:
+        case "copy" if amount > 1:
+            words = f"copied {amount:.0f} times{place}"
         case "scale":
             words = f"{abs(amount):.0%} {'smaller' if amount < 0 else 'larger'}"
         case "turn":
@@ -136,7 +147,9 @@ def _deed(change: Change) -> str:
             return f"turned by {abs(amount) * 360:.0f} degrees {way}".rstrip()
         case "move" if change.amount is not None:
             units = change.place is not None and change.place.units
+            metres = change.place is not None and change.place.metres
             far = f"{amount:g} units" if units else f"{amount:.0%} of its size"
+            far = f"{amount:.3g} m" if metres else far
             words = f"moved{place} by {far}"
         case _:
             words = f"{DONE[change.name]}{place}"
@@ -160,14 +173,20 @@ class Instruction:
     """In the order in which they are done; empty where the sentence is refused."""
     refusal: str = ""
     """Kind of refusal, such as "negation"; "" where it is known."""
+    unread: tuple[str, ...] = ()
+    """Words of a request or an exception that nothing was made of."""
 
     def as_json(self) -> str:
-        """One line of JSON with the keys known, why and changes."""
+        """One line of JSON with the keys known, why, changes and unread."""
         changes = [asdict(change) for change in self.changes]
-        return json.dumps({"known": self.known, "why": self.why, "changes": changes})
+        record = {"known": self.known, "why": self.why, "changes": changes, "unread": self.unread}
+        return json.dumps(record)
 
     def __str__(self) -> str:
-        return "; ".join(map(str, self.changes)) if self.known else self.why
+        if not self.known:
+            return self.why
+        left = ", ".join(map(repr, self.unread))
+        return "; ".join(map(str, self.changes)) + f" (not read: {left})" * bool(left)
 
 
 # ---- a change as a sentence that reads back as itself -------------------------------------------
@@ -176,7 +195,7 @@ class Instruction:
 def sentence_of(changes: Sequence[Change]) -> str | None:
     """A sentence for changes of tones, paints, materials, sizes, turns and growths; None where one
     of them is of another kind. Few sentences read back as others, such as those of materials whose
-    name leaves their color out: compare what `read_called` makes of it."""
+    name leaves their color out: compare what `read_instruction` makes of it."""
     clauses = [clause_of(change) for change in changes]
     return None if None in clauses else ", and ".join(filter(None, clauses))
 

@@ -8,6 +8,8 @@ from typing import NamedTuple
 
 TABLE = Path(__file__).with_name("lexicon.txt")
 THINGS = TABLE.with_name("things.txt")
+SLOTS = TABLE.with_name("slots.txt")
+ALIASES = TABLE.with_name("aliases.txt")
 STYLES = TABLE.with_name("styles.txt")
 LONGEST = 5
 """Most words of a phrase."""
@@ -90,6 +92,9 @@ def entries() -> dict[str, Entry]:
     """Meanings by phrase; of a phrase of two rows, the later one's. Names of painting styles win
     over all else, and all else over the other phrases that ask for one."""
     table = {phrase: Entry("look", name) for phrase, name in style_words().items()}
+    for kind, value, phrases in rows_of(ALIASES):
+        told = "look" if kind == "scenery" else kind
+        table |= {phrase: Entry(told, value) for phrase in phrases if phrase not in table}
     for kind, value, phrases in sorted(rows_of(TABLE), key=lambda row: row[0] not in SETS):
         if kind == "material":
             value = value.partition(" #")[0]

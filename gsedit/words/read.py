@@ -1,395 +1,220 @@
-"""Reader of a sentence: typed words, clauses, changes."""
+"""Reader of a sentence: what is asked, of which things, and what stays. Loads no torch.
+
+Noun phrases become stand-ins (gsedit.words.nouns), frames are cut out (gsedit.words.frames), the
+rest is read plainly (gsedit.words.plain), and the whole is checked (gsedit.words.checks).
+"""
 
 from __future__ import annotations
 
-import math
+import re
 from collections.abc import Collection
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
-from gsedit.words import lexicon
-from gsedit.words.actions import OtherClauses, actions_of
-from gsedit.words.amounts import amount_of
-from gsedit.words.chosen import DENIALS, looks_of
-from gsedit.words.clauses import (
-    CONTENT,
-    DETERMINERS,
-    PARTS,
-    TARGETS,
-    Clause,
-    Parts,
-    clauses,
-    is_thing,
-    named_parts,
-    part_of,
-    refuse_idle,
-    refuse_parts,
-)
-from gsedit.words.direct import routed
-from gsedit.words.instruction import MOST, Change, Instruction, Target
-from gsedit.words.phrases import IT, NUMBERED, PRONOUNS, with_base, without_base
+from gsedit.errors import Said
+from gsedit.words.actions import FILE
+from gsedit.words.checks import meets, stops, unread_in
+from gsedit.words.clauses import NEGATIONS
+from gsedit.words.frames import NOUN, Frames, framed
+from gsedit.words.instruction import MOST, Change, Instruction
+from gsedit.words.nouns import Nouns, called, chunked, tells
+from gsedit.words.phrases import IT, NUMBERED, with_base, without_base
+from gsedit.words.plain import plainly
 from gsedit.words.refusals import REASONS, Refused, first_refusal, unlike_all
-from gsedit.words.scan import Word, scanned
-from gsedit.words.solids import directed, refuse_amount, scenes, shone, solids
-from gsedit.words.tones import asks_less, complains, hues, stressed, tones
+from gsedit.words.remarks import variants
+from gsedit.words.scan import scanned
 
-Placed = list[tuple[int, Change]]
-"""Changes with their places in a clause."""
-ONLY = frozenset(("only", "just", "alone", "solely"))
-BECOME = frozenset(
-    ("turn", "turned", "change", "changed", "convert", "transform", "switch", "shift")
+WEAKER = 0.5
+"""Share of its usual amount that a change with a limit gets: "but not too much"."""
+
+
+DENIED = re.compile(
+    r"^(?:please |, )*(?:do not|dont|never|nobody|no one|there is no need|i do not want(?! the zq)"
+    r"|i would not|avoid|stop) (?!(?:like|love|forget|hesitate|mind)\b)"
+    r"(?!.*\b(?:so|too|as)\b)[^,;.:!?]*$"
 )
-"""Verbs after which a part is what turns to something."""
-SOLID = ("material", "paint")
-DULLER = {"glossy": "matte", "metallic": "matte", "matte": "glossy"}
-"""Finish that is less of each: "bronze, but less shiny"."""
+CONDITION = re.compile(
+    r"^(?:if (?:you|we|i) (?!(?:can|could|please|would|want|like|do not|may|wo|will)\b)"
+    r"|(?:he|she|they|i) (?:said|says|told|says that) :)"
+)
+"""A sentence that only denies, tells a condition, or what somebody said."""
+NOT_ONLY = re.compile(
+    r"\b(?:but|just|instead|rather|only|and|make it (?:lighter|brighter|darker))\b"
+)
+"""Words after which what is asked follows what is denied."""
+REFERS = re.compile(r"\b(?:it|its|them|their|him|his|her|there)\b")
+"""Words for what a remark named."""
 
 
-@dataclass
-class Reading:
-    """Progress of reading: what the clauses so far have named."""
-
-    changes: list[Change] = field(default_factory=list)
-    part: str | None = None
-    """Kind of part that a clause named last."""
-    others: set[int] = field(default_factory=set)
-    """Indices of changes that apply to "everything else"."""
-    limits: list[Word] = field(default_factory=list)
-    direction: int = 0
-    denied: bool = False
-    unsaid: bool = False
-    """Whether a tone is named without its direction."""
-    bare: bool = False
-    """Whether the last change is a quality that no verb goes with: "dull colors"."""
-    run: int = 0
-    """Number of changes in the list of nouns that is read."""
-
-
-def read_instruction(sentence: str, saved: Collection[str] = ()) -> Instruction:
+def read_instruction(
+    sentence: str, saved: Collection[str] = (), *, accept_unread: bool = False
+) -> Instruction:
     """Changes that a sentence asks for, or why it is refused. Never a change that it forbids.
 
-    `saved` are names, in small letters, of things that a look may be for, as "the red one".
+    `saved` are names of saved selections, as `gsedit.select.saved.key_of_name` spells them: they
+    are things. With `accept_unread` words that nothing was made of do not stop the rest.
     """
     if (bare := without_base(sentence)) != sentence:
-        return with_base(read_instruction(bare, saved), sentence)
-    words = scanned(sentence)
+        read = read_instruction(bare, saved, accept_unread=accept_unread)
+        return with_base(read, sentence)
+    nouns = Nouns()
     try:
-        if kind := first_refusal(sentence, words):
+        if kind := first_refusal(sentence, scanned(sentence)):
             raise Refused(kind)
-        actions = actions_of(sentence)
-        if actions is None:
-            changes = looks_of(sentence, saved, _parsed)
-            if not changes:
-                raise _refusal(words)
-        else:
-            changes = [change for each in actions for change in _between(each, saved)]
-        turned = any(c.name in ("hue", "turn") or c.kind == "light" for c in changes)
-        if any(word.value == "degrees" for word in words) and not turned:
-            raise Refused("nonsense")  # "turn it purple by 30 degrees"
-        told = {each for c in changes for each in (c.phrase, c.place and c.place.of)}
-        if not told.issuperset(f"object {number}" for number in NUMBERED.findall(sentence)):
-            raise Refused("part")  # an object that a number names is never another one
-        looks = [change for change in changes if change.kind not in ("object", "growth")]
-        if any(not -1 <= (c.amount or 0) <= MOST.get(c.kind, 0) for c in looks):
-            raise Refused("amount")
+        changes, unread = _read(sentence, saved, nouns)
     except Refused as refused:
-        kind = str(refused)
+        kind, *words = refused.args
         if kind == "nonsense" and (why := unlike_all(sentence)):
             return Instruction(sentence, False, why, (), "style")
         return Instruction(sentence, False, REASONS[kind], (), kind)
-    return Instruction(sentence, True, "; ".join(map(str, changes)), tuple(changes))
-
-
-def _between(each: Change | OtherClauses, saved: Collection[str]) -> list[Change]:
-    """An action, or the changes of clauses between actions. Raises Refused."""
-    if isinstance(each, Change):
-        return [each]
-    words = scanned(each.text)
-    changes = looks_of(each.text, saved, _parsed, nouns=True)
-    if not changes:
-        raise Refused("nonsense")
-    if each.goes_on:
-        changes = [replace(c, target="subject") if c.kind == "tone" else c for c in changes]
-    elif not any(word.text in PRONOUNS for word in words):
-        return changes
-    if each.it == IT:
-        return changes
-    own = [c.target == "subject" and not c.phrase for c in changes]
-    return [replace(c, phrase=each.it) if mine else c for c, mine in zip(changes, own)]
+    told = tuple(map(nouns.told, changes))
+    text, left = "; ".join(map(str, told)), tuple(nouns.restored(each) for each in unread)
+    if any(map(stops, left)) and not accept_unread:
+        quoted = ", ".join(repr(each) for each in left)
+        why = Said(f"read: {text}; not read: {quoted}. Run it without?", "unread")
+        return Instruction(sentence, False, why, (), "unread", left)
+    return Instruction(sentence, True, text, told, unread=left)
 
 
 def denies(sentence: str) -> bool:
-    """Whether a sentence says what must not be, what stays or what becomes less."""
-    return any(word.kind in DENIALS for word in scanned(sentence))
+    """Whether a sentence says what must not be or what stays."""
+    frames = framed(chunked(scanned(sentence), Nouns()))
+    asked = any(word.kind in {*NEGATIONS, "down"} for word in scanned(frames.asked))
+    return bool(frames.kept) or asked
 
 
-def _parsed(words: list[Word]) -> list[Change]:
-    """Changes that words name; empty where none does. Raises Refused."""
-    reading, found = Reading(), clauses(words)
-    for at, clause in enumerate(found):
-        if "retract" in clause.kinds() and any(later.kinds() & CONTENT for later in found[at:]):
-            reading = Reading()  # "red, I mean blue"
-        if clause.void and (after := found[at + 1 : at + 2]) and after[0].kinds() & {"do", "wish"}:
-            reading = Reading()  # "no, make it blue"
-            continue
-        if clause.void:
-            raise Refused("negation")
-        if clause.removed:
-            raise Refused("removal")
-        reading.limits += clause.limits
-        reading.denied |= bool(clause.denied or clause.limits or clause.turned)
-        _read_clause(clause, reading)
-    names = {change.name for change in reading.changes}
-    denied = {word.value for clause in found for word in clause.denied}
-    if denied & names or (reading.denied and not reading.changes):
+def _read(sentence: str, saved: Collection[str], nouns: Nouns) -> tuple[list[Change], list[str]]:
+    """(changes, words that are not read) of a sentence, with stand-ins. Raises Refused."""
+    files: list[str] = []
+
+    def put(match: re.Match[str]) -> str:
+        files.append(match[0].strip("\"'"))
+        return f" <{len(files) - 1}> "
+
+    text = FILE.sub(put, re.sub(r"[<>]", " ", sentence))
+    text = NUMBERED.sub(lambda found: f"the {nouns.stand_in(f'object {found[1]}')}", text)
+    frames = framed(chunked(scanned(called(text, saved, nouns)), nouns))
+    if not frames.asked.strip(" ,.;:!?") and frames.asked != text:
         raise Refused("negation")
-    if reading.unsaid:
-        raise Refused("direction")
-    emits = lexicon.sets()["emits"]
-    merged = _merged(_limited(reading.changes, reading))
-    return sorted(merged, key=lambda change: bool(emits & set(change.name.split())))
-
-
-def _read_clause(clause: Clause, reading: Reading) -> None:
-    refuse_parts(clause)
-    changes = _changes(clause, reading)
-    parts = named_parts(clause)
-    explicit = next((kind for _, kind in parts), None)
-    if not changes:
-        _remark(clause, explicit, reading)
-    elif not _completes(clause, changes, parts, reading):
-        refuse_idle(clause, [change for _, change in changes])
-        painted = reading.changes and reading.changes[-1].kind == "paint"
-        limits = "too" in clause.tags() or (painted and "color" in clause.kinds())
-        if clause.turned < 0 and limits and reading.changes:
-            return  # "night, but not too blue": a limit of what was asked
-        _append(clause, changes, parts, reading)
-    reading.part = explicit or reading.part
-
-
-def _changes(clause: Clause, reading: Reading) -> Placed:
-    """(place, change) of each change of a clause, of its parts yet unsaid. Raises Refused."""
-    kinds, tags = clause.kinds(), clause.tags()
-    scenic, solid = scenes(clause), solids(clause)
-    cast = any(word.kind == "noun" and word.value == "hue" for word in clause.words)
-    graded = (
-        kinds & {"up", "down"} or tags & {"too", "lack", "cure"} or clause.lost or clause.turned
-    )
-    graded = graded or _hinted(clause) or stressed(clause, ("color",))
-    material = any(change.kind == "material" for _, change in solid)
-    colored = "color" in kinds and not scenic and not material
-    if "hue" in kinds or (cast and not material) or (colored and graded):
-        return [(0, change) for change in hues(clause)]
-    off = any(word.text in ("off", "away") for word in clause.words)
-    less = asks_less(clause) or tags & {"too", "cure"} or (off and bool(scenic))
-    if (scenic or material) and less and not kinds & {"noun", "state"}:
+    denied = DENIED.search(frames.asked) and not NOT_ONLY.search(frames.asked)
+    if denied or CONDITION.search(frames.asked):
         raise Refused("negation")
-    if clause.lost and any(change.kind == "light" for change in scenic):
-        raise Refused("negation")  # "remove the light from the left"
-    refuse_amount(clause, scenic)
-    if "too" in tags and "state" in kinds and not clause.turned:
-        scenic = []  # "the sun is too bright" asks for no sun
-    if scenic or solid:
-        moved = {"turn", "style", *(("noun",) * bool(kinds & {"up", "down"}))}
-        tone = tones(clause, 0) if kinds & moved else []
-        if tone:
-            solid = [each for each in solid if not _describes(clause, each[0])]
-        scenic, tone = shone(scenic, tone)
-    else:
-        tone = tones(clause, reading.direction)
-        nouns = [w.text for w in clause.words if w.kind == "noun" and w.value != "light"]
-        unsaid = any("color" not in text for text in nouns)  # "change its color: blue"
-        reading.unsaid |= unsaid and not tone and "be" not in kinds
-    return [*solid, *((0, change) for change in (*scenic, *tone))]
-
-
-def _describes(clause: Clause, at: int) -> bool:
-    """Whether a color or material is a thing's own: "the red car". Raises Refused for one that is
-    the name of a part: "the red"."""
-    if not at or clause.words[at - 1].text not in DETERMINERS:
-        return False
-    if any(word.kind in ("unknown", *TARGETS) for word in clause.words[at + 1 : at + 2]):
-        return True
-    raise Refused("part")
-
-
-def _hinted(clause: Clause) -> bool:
-    """Whether a color is only hinted at: "a touch of blue"."""
-    words = clause.words
-    triples = zip(words, words[1:], words[2:])
-    colors = sum(word.kind == "color" for word in words)
-    return colors == 1 and any(
-        one.kind == "slight" and of.text == "of" and hue.kind == "color" for one, of, hue in triples
-    )
-
-
-def _remark(clause: Clause, explicit: str | None, reading: Reading) -> None:
-    """A clause without a change: a finish, a direction or a part of the change before."""
-    kinds, last = clause.kinds(), reading.changes[-1] if reading.changes else None
-    if kinds & {"up", "down"}:
-        reading.direction = -1 if asks_less(clause) or "down" in kinds else 1
-    if last is None:
-        return
-    odd = [at for at, word in enumerate(clause.words) if word.kind == "unknown"]
-    if explicit and not kinds & {"be"} and any(not is_thing(clause.words, at) for at in odd):
-        raise Refused("nonsense")  # half of what is asked is not known
-    if last.kind in ("light", "look") and asks_less(clause) and not explicit:
-        raise Refused("negation")  # "heavy fog, reduce it"
-    if reading.bare and (kinds & {"up", "down"} or "mend" in clause.tags()) and last.amount:
-        agrees = last.amount > 0 and "up" in kinds  # "vivid colors, more please"
-        reading.changes[-1] = replace(last, amount=last.amount if agrees else -last.amount)
-    less = asks_less(clause)
-    finish = next((word.value for word in clause.words if word.kind == "finish"), None)
-    finish = DULLER.get(str(finish)) if less else finish
-    own = next((word.text for word in clause.words if word.has("adj") and not less), finish)
-    given = amount_of(clause.words).share
-    if given and explicit in PARTS and last.kind == "tone":  # "background -30 %"
-        amount = given if given < 0 or not last.amount else math.copysign(given, last.amount)
-        reading.changes.append(replace(last, target=PARTS[explicit], amount=amount))
-    elif last.kind == "light":
-        reading.changes[-1] = directed(last, clause)
-    elif finish and last.kind == "paint":
-        reading.changes[-1] = replace(last, name=f"{finish} {last.name}")
-    elif own and last.kind == "material" and not explicit:
-        reading.changes[-1] = routed(replace(last, name=f"{own} {last.name}"))
-    elif explicit in PARTS and not reading.part and not clause.before.endswith("."):
-        target = PARTS[explicit]
-        reading.changes[:] = [replace(change, target=target) for change in reading.changes]
-    reading.bare = False
-
-
-def _completes(clause: Clause, changes: Placed, parts: Parts, reading: Reading) -> bool:
-    """Whether a clause names but the color or the direction of the change before: "sunset, light
-    from the left"."""
-    if not reading.changes:
-        return False
-    last, change, kinds = reading.changes[-1], changes[0][1], clause.kinds()
-    if last.kind == "light" == change.kind and not change.color:
-        turned = directed(last, clause)
-        if turned != last and ("light" not in kinds or change.name.startswith("sunny ")):
-            reading.changes[-1] = turned
-            return True
-    asks = kinds & {"do", "wish"} or parts or len(changes) > 1
-    if asks or change.kind != "paint" or last.kind not in ("light", "look", "material"):
-        return False
-    if last.kind != "look":
-        reading.changes[-1] = directed(replace(last, color=change.color), clause)
-    return True
-
-
-def _append(clause: Clause, changes: Placed, parts: Parts, reading: Reading) -> None:
-    """Add changes to what was read, each with its part."""
-    it = any(word.text in ("it", "him", "them") for word in clause.words)
-    same = bool(reading.changes) and changes[0][1].kind == reading.changes[-1].kind == "tone"
-    joined = same and clause.before[-1:] not in (".", ";", "!", "?")
-    goes_on = not reading.changes or it or joined
-    carried = reading.part if goes_on else None
-    if carried == "scene" and changes[0][1].kind in SOLID:
-        carried = None  # "in this scene, make it gold"
-    for at, change in changes:
-        near = min(parts, key=lambda part: (abs(part[0] - at), -part[0]))[1] if parts else carried
-        if change.kind == "look" and changes[0][1].kind in ("paint", "material"):
-            near = None  # "a gold bear in snow"
-        if near == "rest":
-            reading.others.add(len(reading.changes))
-        reading.changes.append(_placed(change, near, clause))
-    _share(clause, len(changes), parts, reading)
-    kinds = clause.kinds()
-    quality = kinds & {"state", "intense", "hue"} and not kinds & {"do", "wish", "up", "down"}
-    reading.bare = bool(quality) and not complains(clause)
-    if kinds & {"up", "down"}:
-        reading.direction = -1 if asks_less(clause) or "down" in kinds else 1
-
-
-def _share(clause: Clause, count: int, parts: Parts, reading: Reading) -> None:
-    """Give the tones of a list the part and the amount that its last noun is said with: "lower the
-    brightness and contrast of the background by 10 %"."""
-    kinds, share = clause.kinds(), amount_of(clause.words).share
-    bare = not kinds & {"do", "wish", "up", "down", "be"} and clause.before in ("and", ",")
-    last, end = reading.changes[-1], len(reading.changes) - count
-    for at in range(end - reading.run * (bare and "noun" in kinds), end):
-        each = reading.changes[at]
-        amount = math.copysign(share, each.amount or 1) if share else each.amount
-        target = last.target if parts else each.target
-        reading.changes[at] = replace(each, amount=amount, target=target)
-    reading.run = 0 if share or "noun" not in kinds else reading.run * bare + count
-
-
-def _placed(change: Change, part: str | None, clause: Clause) -> Change:
-    """A change with the part that it is about; a light is of the scene but for the background."""
-    if part is None or part == "rest":
-        return change
-    lit = change.kind == "light" and not _alone(clause)
-    told = {word.text for word in clause.words}
-    pictured = change.kind == "look" and "of" in told and not told & ONLY
-    whole = part == "subject" and (lit or pictured)  # "a sketch of the bear"
-    ground = part == "ground" and change.kind in ("light", "look") and change.route != "style"
-    return change if whole or ground else replace(change, target=part_of(part, change))
-
-
-def _alone(clause: Clause) -> bool:
-    """Whether a clause singles out the subject, or says what it turns to: "only the bear at night",
-    "turn the bear to night"."""
-    words = [word for word in clause.words if word.text not in DETERMINERS]
-    return any(
-        part.kind in ("subject", "unknown")
-        and (before.text in ONLY or (before.text in BECOME and after.text in ("to", "into")))
-        for before, part, after in zip(words, words[1:], [*words[2:], *words[:1]])
-    )
-
-
-def _limited(changes: list[Change], reading: Reading) -> list[Change]:
-    """Changes that keep to what the sentence leaves alone. Raises Refused."""
-    kinds = {word.kind for word in reading.limits}
-    named = {change.target for at, change in enumerate(changes) if at not in reading.others}
-    kept = set[Target]()
-    if kinds & {"background", "ground", "place"}:
-        kept.add("background")
-    if kinds & {"subject", "unknown"}:
-        kept.add("subject")
-    if "rest" in kinds:
-        kept.add("subject" if "background" in {*named, reading.part} else "background")
-    if len(kept) > 1 or "scene" in kinds:
-        raise Refused("negation")
-    rest: Target = "subject" if "background" in kept | named else "background"
-    changes = [
-        replace(change, target=rest) if at in reading.others else change
-        for at, change in enumerate(changes)
+    changes, unread = _best(frames)
+    changes = _alone(changes, frames, nouns)
+    if frames.weaker:
+        changes = [_weaker(change) for change in changes]
+    if frames.kept:
+        changes = [_but(change, frames) for change in changes]
+        out = {f"the {each}" for each in frames.left_out if each.startswith("zq")}
+        missed = out - {
+            p for c in changes for p in (*c.keep, c.phrase if c.target == "background" else "")
+        }
+        if missed:
+            raise Refused("kept", frames.said[0])
+    elif any(c.name == "remove" and c.target == "scene" for c in changes):
+        raise Refused("everything")
+    if any(
+        not -1 <= (c.amount or 0) <= MOST.get(c.kind, 0)
+        for c in changes
+        if c.kind not in ("object", "growth")
+    ):
+        raise Refused("amount")
+    if stopped := meets(frames, changes):
+        raise Refused("kept", stopped)
+    named = [
+        replace(c, phrase=files[int(c.phrase.strip("<>"))]) if c.phrase.startswith("<") else c
+        for c in changes
     ]
-    if not kept:
+    return named, unread
+
+
+def _alone(changes: list[Change], frames: Frames, nouns: Nouns) -> list[Change]:
+    """Lights and looks of the one thing that a phrase tells from others: "light the red one"."""
+    found = list(dict.fromkeys(NOUN.findall(frames.asked)))
+    lit = all(c.target == "scene" and c.kind in ("light", "look") for c in changes)
+    if len(found) != 1 or not lit or frames.kept or not tells(nouns.phrases[found[0]]):
         return changes
-    other: Target = "background" if "subject" in kept else "subject"
-    if all(change.target in kept for change in changes):
-        if "rest" not in kinds and all(change.kind == "tone" for change in changes):
-            raise Refused("negation")
-        kept = set()
-    return [each if each.target in kept else replace(each, target=other) for each in changes]
+    return [replace(c, target="subject", phrase=f"the {found[0]}") for c in changes]
 
 
-def _merged(changes: list[Change]) -> list[Change]:
-    """Changes without those that repeat another. Raises Refused for two that exclude each other."""
-    kept = list[Change]()
-    for change in changes:
-        beside = [c for c in kept if c.target == change.target]
-        named = [c for c in beside if (c.kind, c.name) == (change.kind, change.name)]
-        if change.name == "hue":
-            named = [c for c in named if c.color == change.color]
-        excluded = any((c.amount or 0) * (change.amount or 0) < 0 for c in named)
-        if excluded or (change.kind in SOLID and any(_differ(c, change) for c in beside)):
-            raise Refused("two")
-        if not named:
-            kept.append(change)
-    return kept
+def _best(frames: Frames) -> tuple[list[Change], list[str]]:
+    """(changes, words that are not read) of what is asked, with remarks or without: the reading
+    that leaves the fewest words. Raises Refused."""
+    best: tuple[list[Change], list[str]] | None = None
+    refused: Refused | None = None
+    for text in variants(frames.asked):
+        try:
+            changes = plainly(text)
+        except Refused as error:
+            refused = refused or error
+            continue
+        changes = _corrected(changes, text, frames)
+        unread = sorted(unread_in(text, changes), key=stops)
+        if best is None or _cost(unread) < _cost(best[1]):
+            best = changes, unread
+        if not unread:
+            break
+    if best is None:
+        raise refused or Refused("nonsense")
+    return best
 
 
-def _differ(one: Change, other: Change) -> bool:
-    """Whether two changes are materials or paints, and not the same one."""
-    same = one.color == other.color if one.kind == "paint" else one.name == other.name
-    return one.kind in SOLID and (one.kind != other.kind or not same)
+def _cost(unread: list[str]) -> int:
+    """How much is not read: a word that stops the rest counts most."""
+    return sum(10 if stops(each) else 1 for each in unread)
 
 
-def _refusal(words: list[Word]) -> Refused:
-    """Why a sentence is refused none of whose words names a change."""
-    kinds = {word.kind for word in words}
-    if "finish" in kinds and "unknown" not in kinds:
-        return Refused("finish")
-    return Refused("negation" if kinds & DENIALS else "nonsense")
+def _corrected(changes: list[Change], text: str, frames: Frames) -> list[Change]:
+    """Changes of the thing that was named in what was taken back: "the bear red, no, blue"."""
+    before = frames.asked[: max(frames.asked.find(text[:16]), 0)]
+    said = frames.dropped or (before if REFERS.search(text) else "")
+    found = NOUN.findall(said)
+    if not found or NOUN.search(text):
+        return changes
+    phrase = f"the {found[0]}"
+    return [
+        replace(c, phrase=phrase, target="subject")
+        if c.phrase in ("", IT) and c.target != "background" and c.kind not in ("light", "look")
+        else c
+        for c in changes
+    ]
+
+
+def _weaker(change: Change) -> Change:
+    """A change that goes less far, where its amount was not said."""
+    if change.kind == "tone" and change.amount:
+        return replace(change, amount=round(change.amount * WEAKER, 4))
+    if change.kind == "light" and change.amount is None:
+        return replace(change, amount=-0.4)
+    return change
+
+
+def _but(change: Change, frames: Frames) -> Change:
+    """A change without what stays. Raises Refused where nothing of it is left."""
+    if change.name in ("insert", "copy"):
+        return change
+    phrases = list(dict.fromkeys(f"the {each}" for each in frames.kept if each.startswith("zq")))
+    if change.phrase.removeprefix("the ") in frames.left_out:
+        return replace(change, keep=())  # "all but the bike gray, and the bike red"
+    if change.phrase in phrases:
+        raise Refused("kept", frames.said[0])
+    explicit = bool(NOUN.search(frames.asked)) or bool(
+        re.search(r"\b(?:it|him|her|them)\b", frames.asked)
+    )
+    if "background" in frames.kept or "rest" in frames.kept:
+        if change.target == "background" and not change.phrase and "background" in frames.kept:
+            raise Refused("kept", frames.said[0])
+        if change.target == "scene":
+            change = replace(change, target="subject")
+    if "it" in frames.kept:
+        if change.target == "subject" and change.phrase in ("", IT) and explicit:
+            raise Refused("kept", frames.said[0])
+        if change.target in ("scene", "subject") and change.phrase in ("", IT):
+            change = replace(change, target="background", phrase="")
+    if not phrases:
+        return change
+    whole = change.target == "scene" or (
+        change.target == "subject" and not change.phrase and not explicit
+    )
+    if whole:
+        return replace(change, target="background", phrase=phrases[0], keep=tuple(phrases[1:]))
+    return replace(change, keep=tuple(phrases))

@@ -12,7 +12,7 @@ from gsedit.words.scan import Word, normalised
 
 
 class Refused(Exception):
-    """Kind of refusal of a sentence."""
+    """Kind of refusal of a sentence, and the words that stopped it."""
 
 
 SAY = "gsedit changes color, material, tone, light, weather, season, style and objects"
@@ -49,6 +49,8 @@ REASONS = {
     "strength": "weather, seasons and styles have one strength: say them plain, as in "
     "'make it rain'",
     "side": "fog, clouds and weather come from no side: leave the side out, as in 'add fog'",
+    "kept": "this says what stays, and that cannot be told from what changes: name both, as in "
+    "'paint the vase red, but not the table'",
     "nonsense": f"this asks for no change that is known: {SAY}, as in 'a bronze statue at night'",
 }
 """Message to a person, by the kind of refusal."""

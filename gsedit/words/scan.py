@@ -18,6 +18,22 @@ SPELLINGS = (
     (r"\b(it'?s|is|are|looks|way|far) to (?=\w+\W*$)", r"\1 too "),
     (r"\b(?:at )?(?:half|quarter) past \w+\b|\b(?:at )?\w+ o'?clock\b", ""),
     (r"colou?r", "color"),
+    (
+        r"^(?:why|how come) (?:is|are) ((?:the |my |this )?[a-z]+(?: [a-z]+)?) (so|too|all) ",
+        r"\1 is too ",
+    ),
+    (
+        r"\b(its|it is|is|are|way) (?:two|to) (?=dark|bright|cold|warm|big|small|dull|light|red|blue|yellow|green)",
+        r"\1 too ",
+    ),
+    (r"\bexcl\b\.?|\bexept\b|\bexcpt\b", "except"),
+    (r"\bw/o\b", "without"),
+    (r"\b(everything|all) less the\b", r"\1 except the"),
+    (r"\bdesat(?:\b|(?= ))", "desaturate"),
+    (r"\bsat\.?(?= ?[-+x\d]|\b(?= (?:down|up|by|on|of|to)\b))", "saturation"),
+    (r"(?<=[a-z] )x ?(?=\d)", "times "),
+    (r"\bb/w\b|\bblack/white\b|\bwhite and black\b", "black and white"),
+    (r"\bwb\b", "white balance"),
     (r"\bbring (the \w+) out\b", r"bring out \1"),
     (r"(?<=\w)-ish\b", "ish"),
     (r"\bde-(?=[a-z])", "de"),
@@ -57,6 +73,8 @@ TOKEN = re.compile(
     r"|\b(?=[0-9a-f]*\d)(?=\d*[a-f])[0-9a-f]{6}\b|[+-]?\d+/\d+|[+-]?\d+(?:\.\d+)?|[+-]?\.\d+"
     r"|%|'s\b|<\d+>|[a-z]+|[&/]|[,;.!?:\n]"
 )
+STAND_IN = r"zq[a-z][a-z]x"
+"""Words that stand in for noun phrases (gsedit.words.nouns)."""
 HEX = re.compile(r"(?=\w*[a-f])(?=\w*\d)[0-9a-f]{6}$")
 MARKS = frozenset(",;.!?:\n")
 
@@ -117,7 +135,10 @@ def scanned(sentence: str) -> list[Word]:
     rest, found = tokens(sentence), list[Word]()
     while rest:
         word, used = _next(rest)
-        if word.text == "stop" and found and (found[-1].kind == "number" or found[-1].text == "a"):
+        before = found[-1] if found else word
+        if word.text == "stop" and (
+            before.kind in ("number", "fraction") or before.text in ("a", "full")
+        ):
             word = replace(word, kind="unit", value="stops")
         if found and found[-1].text.endswith(" go") and word.kind in BECOME:
             found[-1] = Word(found[-1].text, "wish", "")  # "should go dark"
@@ -143,6 +164,8 @@ def _next(words: list[str]) -> tuple[Word, int]:
     first = words[0]
     if first in MARKS or first == "'s":
         return Word(first, "poss" if first == "'s" else "mark", first), 1
+    if re.fullmatch(STAND_IN, first):
+        return Word(first, "subject", first), 1
     if (value := _number(first)) is not None:
         return Word(first, "number", first, number=value), 1
     if color := colors.hexadecimal(first):

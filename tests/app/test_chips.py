@@ -6,11 +6,11 @@ import pytest
 
 from gsedit.app.chips import chips_of, said
 from gsedit.app.reading import knobs_of, read
-from gsedit.words.called import read_called
+from gsedit.words.read import read_instruction
 
 
 def heard(text):
-    return read_called(text, ())
+    return read_instruction(text, ())
 
 
 def chips(text, **how):

@@ -3,11 +3,11 @@
 import pytest
 
 from gsedit.app.reading import knobs_of, turned
-from gsedit.words.called import read_called
+from gsedit.words.read import read_instruction
 
 
 def read(text):
-    return read_called(text, ())
+    return read_instruction(text, ())
 
 
 SENTENCES = [

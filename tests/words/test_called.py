@@ -2,7 +2,6 @@
 
 import pytest
 
-from gsedit.words.called import read_called
 from gsedit.words.read import read_instruction
 
 NAMES = ("plinth", "gray rock", "ears", "gold", "left leg 2", "arm3")
@@ -24,7 +23,7 @@ NAMES = ("plinth", "gray rock", "ears", "gold", "left leg 2", "arm3")
     ],
 )
 def test_a_saved_name_is_a_thing(sentence, route, phrase, of):
-    read = read_called(sentence, NAMES)
+    read = read_instruction(sentence, NAMES)
     assert read.known, read.why
     assert [(each.route, each.phrase) for each in read.changes] == [(route, phrase)]
     place = read.changes[0].place
@@ -34,7 +33,7 @@ def test_a_saved_name_is_a_thing(sentence, route, phrase, of):
 
 
 def test_an_action_and_a_look_may_call_two_names():
-    read = read_called("remove the plinth and paint the ears red", NAMES)
+    read = read_instruction("remove the plinth and paint the ears red", NAMES)
     assert [each.phrase for each in read.changes] == ["the plinth", "the ears"]
 
 
@@ -45,4 +44,4 @@ def test_an_action_and_a_look_may_call_two_names():
     ],
 )  # fmt: skip
 def test_what_no_name_settles_is_read_as_ever(sentence):
-    assert read_called(sentence, NAMES) == read_instruction(sentence, NAMES)
+    assert read_instruction(sentence, NAMES) == read_instruction(sentence, NAMES)

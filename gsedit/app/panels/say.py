@@ -24,7 +24,7 @@ from gsedit.app.reading import Knob, Reading, knobs_of, read
 from gsedit.app.tab import button
 from gsedit.errors import GseditError, UsageError
 from gsedit.select.saved import saved_files
-from gsedit.words.called import read_called
+from gsedit.words.read import read_instruction
 
 if TYPE_CHECKING:
     from gsedit.app.page import Page
@@ -106,7 +106,9 @@ class Say:
         self.reading = read(text, names, page.places) if text else None
         self.knobs = ()
         if self.reading is not None:
-            self.knobs = knobs_of(self.reading.instruction, lambda each: read_called(each, names))
+            self.knobs = knobs_of(
+                self.reading.instruction, lambda each: read_instruction(each, names)
+            )
 
     def names(self) -> tuple[str, ...]:
         """Names of the saved selections."""
@@ -125,7 +127,7 @@ class Say:
             return
         names = self.names()
         shown = escape(reading.refusal) or chips_of(
-            reading, self.knobs, lambda each: read_called(each, names),
+            reading, self.knobs, lambda each: read_instruction(each, names),
             selected=self.page.selection is not None,
         )  # fmt: skip
         if self.page.selection is not None:

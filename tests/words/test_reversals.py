@@ -1,0 +1,94 @@
+"""What a sentence says stays never changes: templates over things, materials, tones and looks."""
+
+from __future__ import annotations
+
+import pytest
+
+from gsedit.words.instruction import Change
+from gsedit.words.lexicon import TABLE, materials, rows_of, styles
+from gsedit.words.read import read_instruction
+
+NOUNS = sorted(
+    each
+    for kind, _, phrases in rows_of(TABLE)
+    if kind in ("subject", "part")
+    for each in phrases
+    if " " not in each and len(each) > 2 and each != "foreground"
+)
+LOOKS = [*list(materials())[::5], *list(styles())[::5], "snow", "night", "black and white", "sepia"]
+PARTS = ("nose", "eyes", "ears", "hair", "handle", "lid", "wheels", "roof", "tail", "face")
+
+
+def leaves(change: Change, kept: str) -> bool:
+    """Whether a change plainly leaves out what stays."""
+    out = [*change.keep, *([change.phrase] if change.target == "background" else [])]
+    return any(kept in each for each in out)
+
+
+@pytest.mark.parametrize(
+    "frame",
+    ["{}, keep the {}", "{} but keep the {}", "{} but not the {}", "{}, leave the {} alone",
+     "{} without touching the {}", "{}, the {} stays as it is", "{}, except the {}"],
+)  # fmt: skip
+@pytest.mark.parametrize(
+    "change", ["make the {} gold", "paint the {} red", "turn the {} into glass",
+               "make the {} darker", "cover the {} with moss"],
+)  # fmt: skip
+def test_of_two_things_one_changes_and_one_stays(change, frame):
+    pairs = [*zip(NOUNS[::3], NOUNS[1::3]), ("vase", "table"), ("car", "house")]
+    for changed, kept in pairs:
+        read = read_instruction(frame.format(change.format(changed), kept))
+        for each in read.changes:
+            assert changed in each.phrase, read
+            assert each.target == "subject"
+            assert leaves(each, kept), read
+
+
+@pytest.mark.parametrize(
+    "frame",
+    ["everything {look} but the {}", "make everything {look} but the {}",
+     "everything but the {} {look}", "make all {look} except the {}",
+     "everything in {look} except for the {}", "turn everything {look}, not the {}",
+     "all but the {} in {look}", "make it all {look} but not the {}"],
+)  # fmt: skip
+def test_everything_but_a_thing_leaves_it_out(frame):
+    for noun in NOUNS[::9]:
+        for look in LOOKS:
+            read = read_instruction(frame.format(noun, look=look))
+            assert all(leaves(each, noun) for each in read.changes), read
+
+
+@pytest.mark.parametrize(
+    "frame",
+    ["make the bear {} but not its {}", "the bear in {} but its {} stays",
+     "turn the bear {}, leave its {} alone", "make it {} but not the {}"],
+)  # fmt: skip
+def test_a_part_that_stays_is_left_out(frame):
+    for part in PARTS:
+        for look in LOOKS:
+            read = read_instruction(frame.format(look, part))
+            assert all(leaves(each, part) for each in read.changes), read
+
+
+@pytest.mark.parametrize("known", ["warmer", "darker", "night", "gold", "red"])
+@pytest.mark.parametrize(
+    "other", ["sharper", "export it as mp4", "reduce the noise", "add a hat", "blur the edges"]
+)
+def test_what_is_not_read_stops_the_rest_and_is_told(known, other):
+    read = read_instruction(f"make it {known} and {other}")
+    assert not read.known
+    again = read_instruction(f"make it {known} and {other}", accept_unread=True)
+    assert again.known == bool(read.unread)
+
+
+@pytest.mark.parametrize(
+    "request_", ["remove the vase", "make the bear gold", "make it darker", "make it night"]
+)
+@pytest.mark.parametrize(
+    "remark",
+    ["It looks terrible.", "I can't see a thing.", "It is ugly.", "My eyes aren't what they were.",
+     "It isn't nice.", "I don't like it.", "It hurts my eyes.", "That would be great."],
+)  # fmt: skip
+def test_a_remark_beside_a_request_changes_nothing(request_, remark):
+    told = read_instruction(f"{request_}. {remark}")
+    assert told.changes == read_instruction(request_).changes, told
