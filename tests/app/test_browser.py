@@ -69,6 +69,7 @@ def export(window, page, tmp_path):
     window.press("Export")
     files = lambda: list((page.folder / "exports").glob("bear*"))  # noqa: E731
     window.wait(lambda: files() and page.busy is None, 40)
+    window.wait(lambda: "is downloaded" in window.text())  # an error takes its place
     assert len(read_scene(files()[0]).scene) == 600
 
 

@@ -269,17 +269,7 @@ class Say:
                 if stopped.is_set() or not self.is_of_scene(previewer):  # meanwhile
                     tab.preview(None)
 
-            tab.soon(PREVIEW, tried(work), then)
-
-        def tried(work: Callable[[], Any]) -> Callable[[], Any]:
-            def called() -> Any:
-                try:
-                    return work()
-                except GseditError:
-                    self.end()  # nothing is drawn any more; the error is told
-                    raise
-
-            return called
+            tab.soon(PREVIEW, self.tried(work), then)
 
         def begin() -> Any:
             return None if stopped.wait(pause) else previewer.glimpse(reading, flags)
@@ -304,6 +294,18 @@ class Say:
             tab.still(picture)
 
         ask(begin, glimpsed)
+
+    def tried(self, work: Callable[[], Any]) -> Callable[[], Any]:
+        """Work whose error ends the preview; the error is told."""
+
+        def called() -> Any:
+            try:
+                return work()
+            except GseditError:
+                self.end()
+                raise
+
+        return called
 
     def work(self, seconds: float) -> None:
         """Say that a preview is drawn, and how long that takes."""
