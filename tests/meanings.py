@@ -26,49 +26,20 @@ SCENIC = ("light", "weather", "look")
 LAYERS = ("material", "cover", "paint")
 OBJECTS = ("remove", "scale", "turn", "move", "copy", "insert")
 WHOLE = re.compile(
-    r"^(?:the )?(?:whole |entire )?(?:scene|picture|photo|image|everything|it all|shot|frame|view|render|all)$"
+    r"^(?:the )?(?:whole |entire )?(?:scene|picture|photo|image|everything|it all|shot|frame|"
+    r"view|render|all)$"
 )
 REST = re.compile(
     r"\b(?:rest|else|others?|background|surroundings?|backdrop|bg|environment|everything|scene|around)\b"
 )
 IT = re.compile(
-    r"^(?:it|him|her|them|this|that|these|those|the (?:subject|main thing|thing|object|model)|subject)$"
+    r"^(?:it|him|her|them|this|that|these|those|the (?:subject|main thing|thing|object|model)"
+    r"|subject)$"
 )
 ALIKE = [
-    {"overcast", "cloudy", "cloud", "grey", "gray", "flat"}, {"fog", "mist", "misty", "haze", "foggy", "hazy"},
-    {"noon", "midday"}, {"candlelight", "candle", "fire", "firelight", "torchlight", "lamp", "lantern"},
-    {"night", "moonlight", "dark", "midnight", "starry", "moon"},
-    {"sunset", "golden", "dusk", "evening", "sundown"}, {"dawn", "sunrise", "morning"},
-    {"sunny", "daylight", "sun", "day", "bright"}, {"studio", "softbox"},
-    {"spotlight", "stage", "spot"}, {"backlight", "backlit", "rim", "behind", "silhouette"},
-    {"storm", "thunderstorm", "lightning", "rain", "stormy"}, {"rain", "wet", "rainy", "drizzle", "puddles"},
-    {"snow", "winter", "snowy", "snowfall", "blizzard"}, {"frost", "ice", "frozen", "icy"},
-    {"autumn", "fall", "october", "november"}, {"dusk", "twilight", "blue"}, {"neon", "cyberpunk"},
-    {"comic", "cartoon", "anime", "manga", "cel", "toon"}, {"sketch", "pencil", "drawing", "charcoal"},
-    {"watercolor", "watercolour", "wash"}, {"woodcut", "linocut", "block"}, {"wave", "hokusai", "ukiyo", "woodblock", "japanese"},
-    {"starry", "gogh"}, {"impressionist", "monet", "renoir"}, {"cubist", "picasso"},
-    {"old", "rembrandt", "caravaggio", "renaissance", "baroque", "master"}, {"stained", "mosaic"},
-    {"sepia", "vintage", "old", "antique", "victorian"}, {"noir", "grayscale", "black", "monochrome"},
-    {"collage", "cutout", "matisse"}, {"expressionist", "munch"}, {"crayon", "chalk", "pastel", "crayons"},
-    {"oil", "autumn", "painting", "canvas"}, {"impasto", "palette"}, {"etching", "engraving", "ink"},
-    {"gouache", "acrylic", "tempera", "cezanne"}, {"pixel", "8-bit", "minecraft", "voxel"},
-    {"poster", "screenprint", "lithograph"}, {"comic", "pop", "warhol", "lichtenstein"},
-    {"underwater", "sea", "aquarium", "ocean"}, {"graffiti", "street", "spray"}, {"batik", "print"},
-    {"verdigris", "patina", "oxidized", "oxidised", "copper"}, {"rust", "rusty", "rusted", "corroded", "corten"},
-    {"wood", "oak", "pine", "walnut", "timber", "mahogany", "teak", "ebony", "birch", "wooden", "cherry", "cedar", "maple", "driftwood", "plank"},
-    {"gold", "gilded", "golden", "gilt"}, {"chrome", "mercury", "mirror", "steel", "silver"},
-    {"steel", "metal", "iron", "stainless"}, {"terracotta", "clay", "earthenware"},
-    {"porcelain", "china", "ceramic"}, {"glass", "crystal"}, {"stone", "rock", "granite", "sandstone", "limestone", "slate", "basalt"},
-    {"concrete", "cement"}, {"plaster", "stucco", "gypsum"}, {"wool", "yarn", "knitted", "knit", "felt", "crochet"},
-    {"fabric", "cloth", "linen", "cotton", "silk", "textile", "denim", "velvet", "burlap", "canvas"},
-    {"moss", "mossy", "overgrown", "grass"}, {"mud", "muddy", "dirt", "clay"}, {"dust", "dusty"},
-    {"plastic", "vinyl", "lego", "rubber"}, {"jelly", "gummy", "gelatin"}, {"leaves", "leaf"},
-    {"paper", "cardboard", "papier"}, {"candy", "sugar", "lollipop"}, {"lava", "magma"},
-    {"brass", "bronze", "gold"}, {"coal", "charcoal", "obsidian"}, {"leather", "suede", "hide"},
-    {"straw", "hay", "wicker", "thatch"}, {"biscuit", "gingerbread", "cookie", "bread", "cake"},
-    {"amber", "resin", "honey"}, {"wax", "candle"}, {"brick", "bricks"}, {"glow", "neon", "glowing"},
-    {"tin", "pewter", "zinc", "lead"}, {"white", "alabaster", "marble"}, {"tile", "tiles", "ceramic"},
-]  # fmt: skip
+    set(row.split())
+    for row in (Path(__file__).parent / "data/sentences/alike.txt").read_text().splitlines()
+]
 """Words that are near enough for the eyes of a person who asked for one of them."""
 IDLE = frozenset(
     [
@@ -120,7 +91,9 @@ def head(phrase: str) -> str:
     """Head noun of a phrase, in the singular."""
     phrase = re.sub(r"[’']s\b", " 's", phrase.lower())
     phrase = re.split(
-        r" (?:on|in|at|behind|under|by|next|with|near|of|from|above|below|around|over|beside|that|to|standing|between|facing|off|along|where|outside|inside|across|against|holding|nearest|closest|left|right|lhs|rhs)\b",
+        r" (?:on|in|at|behind|under|by|next|with|near|of|from|above|below|around|over|beside|"
+        r"that|to|standing|between|facing|off|along|where|outside|inside|across|against|"
+        r"holding|nearest|closest|left|right|lhs|rhs)\b",
         phrase,
     )[0]
     found = re.findall(r"[\w#-]+", phrase) or [""]
@@ -137,7 +110,9 @@ def same_thing(one: str, other: str) -> bool:
 
 
 PLACE = re.compile(
-    r"\b(?:garden|park|courtyard|room|yard|landscape|kitchen|hall|studio|cafe|shop|street|village|museum|cellar|library|workshop|cave|church|market|souk|temple|house|whole thing|place|outside|sky)$"
+    r"\b(?:garden|park|courtyard|room|yard|landscape|kitchen|hall|studio|cafe|shop|street|"
+    r"village|museum|cellar|library|workshop|cave|church|market|souk|temple|house|whole "
+    r"thing|place|outside|sky)$"
 )
 """Nouns of places, in which all of the scene is."""
 
@@ -163,7 +138,8 @@ def on_target(made: Change, of: str, do: str = "") -> bool:
     if IT.match(of):
         return (not phrase and made.target in ("scene", "subject")) or bool(IT.match(phrase))
     if but := re.match(
-        r"(?:everything|all|everywhere|the rest|scene|the scene|whole scene)(?: \w+)? (?:but|except|except for|apart from|other than|besides)(?: for)? (.+)",
+        r"(?:everything|all|everywhere|the rest|scene|the scene|whole scene)(?: \w+)? (?:but|"
+        r"except|except for|apart from|other than|besides)(?: for)? (.+)",
         of,
     ):
         things = re.split(r",| and ", but[1])
@@ -405,11 +381,13 @@ def main(args: list[str]) -> None:
             if result not in GOOD:
                 keep = f" keep {entry.get('keep')}" if entry.get("keep") else ""
                 meant = "; ".join(
-                    f"{c['do']} {c.get('name', '')} of {c['of']} {c.get('sign', '')} {c.get('amount', '')} {c.get('to', '')}"
+                    f"{c['do']} {c.get('name', '')} of {c['of']} {c.get('sign', '')} "
+                    f"{c.get('amount', '')} {c.get('to', '')}"
                     for c in entry["changes"]
                 )
                 sys.stdout.write(
-                    f"{result}{' SILENT' * silent} [{read.refusal}] {entry['text']!r} -> {str(read)[:160]} | meant {meant}{keep}\n"
+                    f"{result}{' SILENT' * silent} [{read.refusal}] {entry['text']!r} -> "
+                    f"{str(read)[:160]} | meant {meant}{keep}\n"
                 )
 
 
@@ -422,7 +400,8 @@ def report(name: str, rows: Sequence[tuple[dict[str, Any], str, bool, Instructio
         for each in (*GOOD, "partly", "wrongly refused", "wrong", "OPPOSITE")
     )
     sys.stdout.write(
-        f"{Path(name).name:<14} {len(rows):>4} good {100 * good / max(len(rows), 1):5.1f} %  {told}, silent {silent}\n"
+        f"{Path(name).name:<14} {len(rows):>4} good {100 * good / max(len(rows), 1):5.1f} %  "
+        f"{told}, silent {silent}\n"
     )
 
 

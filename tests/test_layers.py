@@ -14,7 +14,6 @@ ORDER = {
     "gsedit": (
         "mcp_server",
         "app",
-        "doctor",
         "editing",
         "bench",
         "paper",

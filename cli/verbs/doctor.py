@@ -1,54 +1,28 @@
-"""`gsedit doctor`: what this machine lacks, and whether a model's weights are whole."""
+"""`gsedit doctor`: whether a model's weights are whole."""
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from typing import Annotated
 
 import typer
 
 from ..core.command import argument
-from ..core.console import as_json, print_message, print_result
+from ..core.console import print_result
 from ..core.exits import UNREADABLE
 
 Model = Annotated[
-    str | None,
+    str,
     argument("MODEL", "A folder of a 2D model's weights, or a Hugging Face id in the local cache."),
 ]
 
 
-def doctor(model: Model = None) -> None:
-    """Check this machine, or the weights of a model.
+def doctor(model: Model) -> None:
+    """Check the weights of a model.
 
     gsedit doctor models/instruct-pix2pix
 
-    Without MODEL: libraries, torch and the compiler; the exit code is 0 whatever is missing. With
-    MODEL, the exit code is 3 if its weights are incomplete.
+    Prints what of them is there; the exit code is 3 if they are incomplete.
     """
-    if model is None:
-        check_machine()
-    else:
-        check_weights(model)
-
-
-def check_machine() -> None:
-    """Print a line a check, with advice below it."""
-    from gsedit.doctor import check_machine
-
-    if not as_json.get():
-        print_message("checking libraries, torch and the compiler: a few seconds")
-    problems = 0
-    for check in check_machine():
-        problems += bool(check.advice)
-        advice = f"\n{'':<16} -> {check.advice}" if check.advice else ""
-        print_result(asdict(check), f"{check.name:<16} {check.state}{advice}")
-    if not as_json.get():
-        counted = f"{problems} problem{'s' if problems > 1 else ''}, marked ->"
-        print_message(counted if problems else "no problems")
-
-
-def check_weights(model: str) -> None:
-    """Print what of a model's weights is there. Exits with UNREADABLE unless all of it is."""
     from gsedit.paper.models.hub import INDEX, family_of, find, inspect, settings_in
 
     folder = find(model, offline=True)

@@ -25,7 +25,12 @@ HELD = frozenset(
 )  # fmt: skip
 """Kinds of words of which something must be made."""
 UNHELD = re.compile(
-    rf"\b(?:(?:keep|keeping|leave|leaving|preserve|spare|protect|stay|stays|staying|remain|remains|untouched|unchanged|except|excluding|other than|apart from|no need)\b|but (?:not )?(?:the|its|his|her|my|their|your) (?!zq)|(?:do|does|must|should|may|can|shall) not (?:be |get )?(?:change|changed|touch|touched|alter|altered)\b|(?:is|are|be|see .*) (?:clear|clean|dry|free)\b|(?:do not|dont|without|never) (?!want|like|need|see)[a-z]+ (?:the {STAND_IN}|background))"
+    rf"\b(?:(?:keep|keeping|leave|leaving|preserve|spare|protect|stay|stays|staying|remain|"
+    rf"remains|untouched|unchanged|except|excluding|other than|apart from|no need)\b|but "
+    rf"(?:not )?(?:the|its|his|her|my|their|your) (?!zq)|(?:do|does|must|should|may|can|"
+    rf"shall) not (?:be |get )?(?:change|changed|touch|touched|alter|altered)\b|(?:is|are|be|"
+    rf"see .*) (?:clear|clean|dry|free)\b|(?:do not|dont|without|never) (?!want|like|need|"
+    rf"see)[a-z]+ (?:the {STAND_IN}|background))"
 )
 """Words of what stays that no frame took."""
 HARD = frozenset(things("hard"))

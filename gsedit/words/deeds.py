@@ -265,8 +265,9 @@ def _emptied(said: Said) -> Change:
 
 
 MAKERS: dict[str, Callable[[Said], Change | None]] = {
-    "isolate": _isolated, "all": _emptied, "remove": _removed, "unwanted": _unwanted, "scale": _scaled,
-    "resize": _of_old, "turn": _turned, "move": _moved, "insert": _inserted, "copy": _copied, "grow": _grown,
+    "isolate": _isolated, "all": _emptied, "remove": _removed, "unwanted": _unwanted,
+    "scale": _scaled, "resize": _of_old, "turn": _turned, "move": _moved, "insert": _inserted,
+    "copy": _copied, "grow": _grown,
 }  # fmt: skip
 """Who makes a change of what a pattern finds, by the deed of its row."""
 PATTERNS = [

@@ -32,7 +32,8 @@ def _rows() -> list[tuple[str, re.Pattern[str]]]:
 
 
 ASKED = re.compile(
-    r"(?:please |hi |hey |ok |so |, |and )*(?:can|could|would|will|may|might|is it|is there|do you)\b"
+    r"(?:please |hi |hey |ok |so |, |and )*(?:can|could|would|will|may|might|is it|is there|"
+    r"do you)\b"
 )
 """Start of a question that asks for something to be done."""
 ROWS = _rows()

@@ -20,8 +20,30 @@ HEADS = frozenset(("unknown", "subject", "ground", "part"))
 """Kinds of words that are nouns."""
 MODIFIERS = HEADS | {"color", "material", "finish", "direction", "place", "number"}
 """Kinds of words that may stand before a noun."""
-ONES = frozenset(("one", "ones", "thing", "things", "object", "objects", "item", "items", "side",
-                  "frame", "frames", "half", "part", "parts", "bit", "bits", "area", "areas", "stuff", "piece"))  # fmt: skip
+ONES = frozenset(
+    [
+        "one",
+        "ones",
+        "thing",
+        "things",
+        "object",
+        "objects",
+        "item",
+        "items",
+        "side",
+        "frame",
+        "frames",
+        "half",
+        "part",
+        "parts",
+        "bit",
+        "bits",
+        "area",
+        "areas",
+        "stuff",
+        "piece",
+    ]
+)
 """Nouns that the lexicon has as other words."""
 SIZES = frozenset(things("telling")) | frozenset(things("adjective"))
 """Adjectives that the lexicon has as other words."""

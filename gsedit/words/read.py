@@ -62,7 +62,7 @@ def read_instruction(
             raise Refused(kind)
         changes, unread = _read(sentence, saved, nouns)
     except Refused as refused:
-        kind, *words = refused.args
+        kind = refused.args[0]
         if kind == "nonsense" and (why := unlike_all(sentence)):
             return Instruction(sentence, False, why, (), "style")
         return Instruction(sentence, False, REASONS[kind], (), kind)

@@ -23,7 +23,8 @@ SPELLINGS = (
         r"\1 is too ",
     ),
     (
-        r"\b(its|it is|is|are|way) (?:two|to) (?=dark|bright|cold|warm|big|small|dull|light|red|blue|yellow|green)",
+        r"\b(its|it is|is|are|way) (?:two|to) (?=dark|bright|cold|warm|big|small|dull|light|"
+        r"red|blue|yellow|green)",
         r"\1 too ",
     ),
     (r"\bexcl\b\.?|\bexept\b|\bexcpt\b", "except"),

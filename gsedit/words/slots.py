@@ -19,14 +19,19 @@ TABLE = {
 }
 """Alternatives of words by kind and value."""
 NUMBERS = {
-    "one": 1.0, "two": 2.0, "three": 3.0, "four": 4.0, "five": 5.0, "six": 6.0, "seven": 7.0, "eight": 8.0,
-    "nine": 9.0, "ten": 10.0, "twelve": 12.0, "fifteen": 15.0, "twenty": 20.0, "thirty": 30.0,
-    "forty": 40.0, "forty five": 45.0, "fifty": 50.0, "sixty": 60.0, "seventy": 70.0, "eighty": 80.0,
-    "ninety": 90.0, "hundred": 100.0, "a hundred": 100.0, "a": 1.0, "an": 1.0, "half": 0.5, "half a": 0.5, "half an": 0.5,
-    "one and a half": 1.5, "two and a half": 2.5, "a couple of": 2.0, "a few": 3.0, "some": 3.0, "several": 3.0, "both": 2.0,
-    "a third of": 1 / 3, "half of": 0.5, "a quarter of": 0.25, "one time and a half": 1.5,
+    "one": 1.0, "two": 2.0, "three": 3.0, "four": 4.0, "five": 5.0, "six": 6.0, "seven": 7.0,
+    "eight": 8.0, "nine": 9.0, "ten": 10.0, "twelve": 12.0, "fifteen": 15.0, "twenty": 20.0,
+    "thirty": 30.0, "forty": 40.0, "forty five": 45.0, "fifty": 50.0, "sixty": 60.0,
+    "seventy": 70.0, "eighty": 80.0, "ninety": 90.0, "hundred": 100.0, "a hundred": 100.0,
+    "a": 1.0, "an": 1.0, "half": 0.5, "half a": 0.5, "half an": 0.5, "one and a half": 1.5,
+    "two and a half": 2.5, "a couple of": 2.0, "a few": 3.0, "some": 3.0, "several": 3.0,
+    "both": 2.0, "a third of": 1 / 3, "half of": 0.5, "a quarter of": 0.25,
+    "one time and a half": 1.5,
 }  # fmt: skip
-NUMBER = rf"(?P<n>[+-]?\d+(?:\.\d+)?(?:/\d+)?|{'|'.join(sorted(map(re.escape, NUMBERS), key=len, reverse=True))})"
+NUMBER = (
+    rf"(?P<n>[+-]?\d+(?:\.\d+)?(?:/\d+)?|"
+    rf"{'|'.join(sorted(map(re.escape, NUMBERS), key=len, reverse=True))})"
+)
 METRES = {"mm": 0.001, "cm": 0.01, "m": 1.0, "inch": 0.0254, "foot": 0.3048, "yard": 0.9144}
 """Metres of a unit of length."""
 THING = re.compile(rf"\bthe ({STAND_IN})\b")
@@ -111,7 +116,8 @@ def _remove(clause: Clause) -> Change | None:
     if phrase is None:
         return None
     while clause.take(
-        r"(?:away|out|off|from|of|on)(?: (?:the )?(?:zq[a-z][a-z]x|scene|picture|photo|image|shot|frame|here|there|view|way))?"
+        r"(?:away|out|off|from|of|on)(?: (?:the )?(?:zq[a-z][a-z]x|scene|picture|photo|image|"
+        r"shot|frame|here|there|view|way))?"
     ):
         pass
     return _object("remove", phrase, None) if clause.is_empty else None
@@ -140,7 +146,8 @@ def _factor(clause: Clause, way: str, sized: bool) -> float | None:
     if match := clause.take(r"(?:scale )?(?P<a>\d+) : (?P<b>[1-9]\d*)"):
         return float(match["a"]) / float(match["b"])
     if match := clause.take(
-        rf"(?:(?P<of>to|at|for) |(?:by|of) )?{NUMBER} %(?P<more> of(?: its| the| their| current| present| original| it)*)?"
+        rf"(?:(?P<of>to|at|for) |(?:by|of) )?{NUMBER} %(?P<more> of(?: its| the| their| "
+        rf"current| present| original| it)*)?"
     ):
         share = _value(match["n"]) / 100
         if match["of"] or match["more"] or not way:
@@ -159,7 +166,8 @@ def _factor(clause: Clause, way: str, sized: bool) -> float | None:
         )
         return 1 / factor if way == "down" else factor
     if match := clause.take(
-        r"(?:by |to |of )?(?P<q>a |the |one |two |three )?(?P<n>half|third|thirds|quarter|quarters|fifth|tenth)(?: of| as)?"
+        r"(?:by |to |of )?(?P<q>a |the |one |two |three )?(?P<n>half|third|thirds|quarter|"
+        r"quarters|fifth|tenth)(?: of| as)?"
     ):
         count = {"two ": 2, "three ": 3}.get(match["q"] or "", 1)
         share = (
@@ -205,7 +213,8 @@ def _turn(clause: Clause) -> Change | None:
     way = clause.one_of("rotation")
     phrase = _thing(clause)
     clause.take(
-        r"(?:on|about|around|toward|towards|to|from|seen from|viewed from) (?:the )?(?:zq[a-z][a-z]x|lens|camera|us|me|top|above|spot|axis|y|z)(?: axis)?"
+        r"(?:on|about|around|toward|towards|to|from|seen from|viewed from) (?:the )"
+        r"?(?:zq[a-z][a-z]x|lens|camera|us|me|top|above|spot|axis|y|z)(?: axis)?"
     )
     if not verb or phrase is None or not clause.is_empty:
         return None
@@ -216,14 +225,17 @@ def _turn(clause: Clause) -> Change | None:
 def _distance(clause: Clause) -> tuple[float | None, str]:
     """(distance, "units", "metres" or "" for sizes) that a clause says."""
     if match := clause.take(
-        rf"(?:by |about |some |of |like )*{NUMBER} ?(?P<u>{TABLE['unit', 'mm']}|{TABLE['unit', 'cm']}|{TABLE['unit', 'm']}|{TABLE['unit', 'inch']}|{TABLE['unit', 'foot']}|{TABLE['unit', 'yard']})(?: more)?"
+        rf"(?:by |about |some |of |like )*{NUMBER} ?(?P<u>{TABLE['unit', 'mm']}|"
+        rf"{TABLE['unit', 'cm']}|{TABLE['unit', 'm']}|{TABLE['unit', 'inch']}|"
+        rf"{TABLE['unit', 'foot']}|{TABLE['unit', 'yard']})(?: more)?"
     ):
         unit = next(u for u in METRES if re.fullmatch(TABLE["unit", u], match["u"]))
         return _value(match["n"]) * METRES[unit], "metres"
     if match := clause.take(rf"(?:by )?{NUMBER} ?units?"):
         return _value(match["n"]), "units"
     if match := clause.take(
-        rf"(?:by )?{NUMBER} ?(?:times )?(?:of )?(?:its |his |her |their )?(?:own )?(?:sizes?|heights?|widths?|lengths?)"
+        rf"(?:by )?{NUMBER} ?(?:times )?(?:of )?(?:its |his |her |their )?(?:own )?(?:sizes?|"
+        rf"heights?|widths?|lengths?)"
     ):
         return _value(match["n"]), ""
     if match := clause.take(rf"(?:by )?{NUMBER} %"):
@@ -252,7 +264,8 @@ def _move(clause: Clause) -> Change | None:
         place = Place(side)  # type: ignore[arg-type]
     phrase = _thing(clause)
     clause.take(
-        r"from the zq[a-z][a-z]x|from (?:here|there)|to (?:the )?side|toward(?:s)? the zq[a-z][a-z]x|against the zq[a-z][a-z]x"
+        r"from the zq[a-z][a-z]x|from (?:here|there)|to (?:the )?side|toward(?:s)? the "
+        r"zq[a-z][a-z]x|against the zq[a-z][a-z]x"
     )
     if phrase is None or not clause.is_empty:
         return None
@@ -276,7 +289,8 @@ def _copy(clause: Clause) -> Change | None:
         count = float(match["x"]) if match["x"] else _value(match["n"])
     elif (
         match := clause.take(
-            rf"{NUMBER} (?:more|extra|additional|other|identical|same|further|new)(?: of| identical| same| like)*"
+            rf"{NUMBER} (?:more|extra|additional|other|identical|same|further|new)(?: of| "
+            rf"identical| same| like)*"
         )
     ) or (match := clause.take(rf"(?:another|other|extra) {NUMBER}(?: of)?")):
         count, verb = _value(match["n"]), True
@@ -290,12 +304,15 @@ def _copy(clause: Clause) -> Change | None:
     if phrase is None:
         return None
     while clause.take(
-        r"(?:exactly |just )?(?:same|identical|equal|like|similar)(?: as| to| like)?(?: the)?(?: zq[a-z][a-z]x| (?:first|existing|other|original|old)(?: one)?| it| this one| that one| this| that)?"
+        r"(?:exactly |just )?(?:same|identical|equal|like|similar)(?: as| to| like)?(?: the)"
+        r"?(?: zq[a-z][a-z]x| (?:first|existing|other|original|old)(?: one)?| it| this one| "
+        r"that one| this| that)?"
     ):
         pass
     place = Place("beside", phrase)
     if match := clause.take(
-        rf"(?P<side>{'|'.join(TABLE['side', v] for v in SIDES)}) (?:the (?P<of>{STAND_IN})|it|the (?:first|original|other|existing|old)(?: one)?)"
+        rf"(?P<side>{'|'.join(TABLE['side', v] for v in SIDES)}) (?:the (?P<of>{STAND_IN})|"
+        rf"it|the (?:first|original|other|existing|old)(?: one)?)"
     ):
         side = next(v for v in SIDES if re.fullmatch(TABLE["side", v], match["side"]))
         place = Place(side, f"the {match['of']}" if match["of"] else phrase)
@@ -305,7 +322,9 @@ def _copy(clause: Clause) -> Change | None:
             return None
     else:
         clause.take(
-            r"(?:all )?(?:along|around|in|at|by|to|over|across|near|against|from) (?:the )?(?:zq[a-z][a-z]x|row|line|a row|a line|x|y|z|here|there)(?: along (?:x|y|z|the zq[a-z][a-z]x))?"
+            r"(?:all )?(?:along|around|in|at|by|to|over|across|near|against|from) (?:the )"
+            r"?(?:zq[a-z][a-z]x|row|line|a row|a line|x|y|z|here|there)(?: along (?:x|y|z|"
+            r"the zq[a-z][a-z]x))?"
         )
     clause.take(r"in a (?:row|line|circle)|evenly spaced|side by side")
     if not clause.is_empty:
