@@ -119,15 +119,10 @@ PLACE = re.compile(
 
 def on_target(made: Change, of: str, do: str = "") -> bool:
     """Whether a change is of what was meant: light, and weather, fall on all that is there."""
-    if (
-        do in ("light", "weather")
-        and made.target == "scene"
-        and not made.phrase
-        and "but" not in of
-        and "except" not in of
-    ):
+    everywhere = made.target == "scene" and not made.phrase
+    if do in ("light", "weather") and everywhere and "but" not in of and "except" not in of:
         return True
-    if PLACE.search(of.lower()) and made.target == "scene" and not made.phrase:
+    if PLACE.search(of.lower()) and everywhere:
         return True
     of = of.lower().strip()
     phrase = made.phrase if made.phrase != "it" else ""

@@ -88,10 +88,6 @@ def principal_axes(
     return variances, quaternions_of(axes)
 
 
-_TURNED_AT_ONCE = 1 << 13
-"""Gaussians whose harmonics are turned at once: 32 directions of 16 coefficients each, 32 MB."""
-
-
 def harmonics(directions: Float64[np.ndarray, "m 3"], degree: int) -> Float64[np.ndarray, "m k"]:
     """The basis at unit directions: sqrt(2 - [m = 0]) N P_l^|m|(z) (cos or sin)(m phi)."""
     x, y, z = directions.T
@@ -138,26 +134,6 @@ def rotate_sh(
     # one product over (coefficient, channel) pairs: the channels lie innermost
     pairs = np.kron(matrix, np.eye(3))
     return (sh.reshape(n, 3 * k).astype(np.float64) @ pairs.T).astype(np.float32).reshape(n, k, 3)
-
-
-def rotate_sh_each(
-    sh: Float32[np.ndarray, "n k 3"], turns: Float64[np.ndarray, "n 3 3"]
-) -> Float32[np.ndarray, "n k 3"]:
-    """The coefficients of Gaussians each of which is turned by its own rotation."""
-    k = sh.shape[1]
-    if k == 1 or not len(sh):
-        return sh
-    degree = isqrt(k) - 1
-    directions = even_directions(2 * k)
-    back = np.linalg.pinv(harmonics(directions, degree))
-    turned = np.empty_like(sh)
-    for start in range(0, len(sh), _TURNED_AT_ONCE):
-        rows = slice(start, start + _TURNED_AT_ONCE)
-        seen = (directions @ turns[rows]).reshape(-1, 3)
-        colors = harmonics(seen, degree).reshape(-1, 2 * k, k) @ sh[rows].astype(np.float64)
-        turned[rows] = back @ colors
-    turned[:, 0] = sh[:, 0]
-    return turned
 
 
 @lru_cache(8)

@@ -110,22 +110,12 @@ def unread_in(text: str, changes: Sequence[Change]) -> list[str]:
     actions = actions_of(text)
     if actions is not None:
         others = [each.text for each in actions if isinstance(each, OtherClauses)]
-        return (
-            [word for each in others for word in unread_in(each, changes)]
-            if len(others) < 2 or others != [text]
-            else []
-        )
+        return [word for each in others for word in unread_in(each, changes)]
     words = scanned(text)
     whole = any(c.kind in ("light", "look") and c.target == "scene" for c in changes)
     told = {str(change) for change in changes}
-    named = " ".join(
-        (
-            *told,
-            *(c.name for c in changes),
-            *(c.phrase for c in changes),
-            *(c.place.of for c in changes if c.place),
-        )
-    )
+    places = [c.place.of for c in changes if c.place]
+    named = " ".join((*told, *places, *(f"{c.name} {c.phrase}" for c in changes)))
     times = sets()["time"]
     lit = {change.name for change in changes} & times
     amounts = {abs(change.amount) for change in changes if change.amount}

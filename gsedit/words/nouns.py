@@ -20,30 +20,7 @@ HEADS = frozenset(("unknown", "subject", "ground", "part"))
 """Kinds of words that are nouns."""
 MODIFIERS = HEADS | {"color", "material", "finish", "direction", "place", "number"}
 """Kinds of words that may stand before a noun."""
-ONES = frozenset(
-    [
-        "one",
-        "ones",
-        "thing",
-        "things",
-        "object",
-        "objects",
-        "item",
-        "items",
-        "side",
-        "frame",
-        "frames",
-        "half",
-        "part",
-        "parts",
-        "bit",
-        "bits",
-        "area",
-        "areas",
-        "stuff",
-        "piece",
-    ]
-)
+ONES = frozenset(things("ones"))
 """Nouns that the lexicon has as other words."""
 SIZES = frozenset(things("telling")) | frozenset(things("adjective"))
 """Adjectives that the lexicon has as other words."""
@@ -236,34 +213,28 @@ def _head(words: Sequence[Word], at: int, plain: bool) -> int:
         ):
             break
         at += 1
-    first = words[start] if start < len(words) else Word("", "mark", "")
+    return head or _headless(words, start, plain and at == start + 1)
+
+
+def _headless(words: Sequence[Word], start: int, plain: bool) -> int:
+    """End of a phrase without a noun of the lexicon: "the roses are", "the largest"; 0 for none."""
+    if start >= len(words):
+        return 0
+    first = words[start]
     plural = first.text[-1:] == "s" and first.text[-2:-1] not in ("s", "u", "i")
     follows = words[start + 1] if start + 1 < len(words) else Word("", "mark", "")
     told = follows.kind in ("be", "wish", "keep", "same") or follows.text in ("does", "do")
-    if (
-        not head
-        and told
-        and first.kind in ("material", "look", "light", "finish")
-        and len(words) > start + 2
-    ):
+    solid = first.kind in ("material", "look", "light")
+    if told and (solid or first.kind == "finish") and len(words) > start + 2:
         return start + 1
-    if (
-        not head
-        and plural
-        and first.kind in ("material", "look", "light")
-        and first.text != "lights"
-    ):
+    if plural and solid and first.text != "lights":
         return start + 1
-    if not head and plain and at == start + 1 and words[start].kind == "material":
+    if plain and first.kind == "material":
         before = words[start - 2].text if start > 1 else ""
         dropped = any(word.kind == "drop" for word in words[:start])
-        noun = words[start].text == words[start].value and not dropped
-        return (
-            start + 1 if noun and before not in ("into", "of", "from", "in", "like", "with") else 0
-        )
-    if not head and words[start : start + 1] and words[start].text in RANKED:
-        return start + 1
-    return head
+        noun = first.text == first.value and not dropped
+        return (start + 1) * (noun and before not in ("into", "of", "from", "in", "like", "with"))
+    return (start + 1) * (first.text in RANKED)
 
 
 RANKED = frozenset(each for each in things("telling") if each.endswith("est")) | {"last", "first"}

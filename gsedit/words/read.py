@@ -84,13 +84,10 @@ def denies(sentence: str) -> bool:
 
 def _read(sentence: str, saved: Collection[str], nouns: Nouns) -> tuple[list[Change], list[str]]:
     """(changes, words that are not read) of a sentence, with stand-ins. Raises Refused."""
-    files: list[str] = []
-
-    def put(match: re.Match[str]) -> str:
-        files.append(match[0].strip("\"'"))
-        return f" <{len(files) - 1}> "
-
-    text = FILE.sub(put, re.sub(r"[<>]", " ", sentence))
+    text = re.sub(r"[<>]", " ", sentence)
+    files = [match[0].strip("\"'") for match in FILE.finditer(text)]
+    numbers = iter(range(len(files)))
+    text = FILE.sub(lambda _: f" <{next(numbers)}> ", text)
     text = NUMBERED.sub(lambda found: f"the {nouns.stand_in(f'object {found[1]}')}", text)
     frames = framed(chunked(scanned(called(text, saved, nouns)), nouns))
     if not frames.asked.strip(" ,.;:!?") and frames.asked != text:

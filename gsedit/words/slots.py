@@ -141,6 +141,11 @@ def _scale(clause: Clause) -> Change | None:
     return _object("scale", phrase, round(factor - 1, 4))
 
 
+FOLD = {"twice": 2.0, "doubled": 2.0, "double": 2.0, "quadruple": 4.0,
+        "tripled": 3.0, "triple": 3.0, "thrice": 3.0}  # fmt: skip
+SHARES = {"half": 0.5, "third": 1 / 3, "quarter": 0.25, "fifth": 0.2, "tenth": 0.1}
+
+
 def _factor(clause: Clause, way: str, sized: bool) -> float | None:
     """Factor of size that a clause says; None for none."""
     if match := clause.take(r"(?:scale )?(?P<a>\d+) : (?P<b>[1-9]\d*)"):
@@ -158,30 +163,13 @@ def _factor(clause: Clause, way: str, sized: bool) -> float | None:
     ):
         factor = _value(match["n"])
         return 1 / factor if way == "down" and factor > 1 else factor
-    if match := clause.take(
-        r"(?:the )?(?P<n>twice|double|doubled|triple|tripled|quadruple|thrice)"
-    ):
-        factor = {"twice": 2.0, "double": 2.0, "doubled": 2.0, "quadruple": 4.0}.get(
-            match["n"], 3.0
-        )
+    if match := clause.take(rf"(?:the )?(?P<n>{'|'.join(FOLD)})"):
+        factor = FOLD[match["n"]]
         return 1 / factor if way == "down" else factor
     if match := clause.take(
-        r"(?:by |to |of )?(?P<q>a |the |one |two |three )?(?P<n>half|third|thirds|quarter|"
-        r"quarters|fifth|tenth)(?: of| as)?"
+        rf"(?:by |to |of )?(?P<q>a |the |one |two |three )?(?P<n>{'|'.join(SHARES)})s?(?: of| as)?"
     ):
-        count = {"two ": 2, "three ": 3}.get(match["q"] or "", 1)
-        share = (
-            count
-            * {
-                "half": 0.5,
-                "third": 1 / 3,
-                "thirds": 1 / 3,
-                "quarter": 0.25,
-                "quarters": 0.25,
-                "fifth": 0.2,
-                "tenth": 0.1,
-            }[match["n"]]
-        )
+        share = {"two ": 2, "three ": 3}.get(match["q"] or "", 1) * SHARES[match["n"]]
         if not way or "to " in match[0] or match[0].endswith((" of", " as")):
             return share
         return 1 - share if way == "down" else 1 + share
@@ -281,24 +269,8 @@ SIDES: tuple[Side, ...] = ("left", "right", "front", "behind", "on", "beside")
 
 
 def _copy(clause: Clause) -> Change | None:
-    count = 1.0
-    verb = clause.word("verb", "copy")
-    if match := clause.take(
-        rf"(?:x ?)?{NUMBER} ?(?:times|time|x|copies|duplicates|clones)(?: more)?|x ?(?P<x>\d+)"
-    ):
-        count = float(match["x"]) if match["x"] else _value(match["n"])
-    elif (
-        match := clause.take(
-            rf"{NUMBER} (?:more|extra|additional|other|identical|same|further|new)(?: of| "
-            rf"identical| same| like)*"
-        )
-    ) or (match := clause.take(rf"(?:another|other|extra) {NUMBER}(?: of)?")):
-        count, verb = _value(match["n"]), True
-    elif clause.word("again"):
-        verb = True
-    elif match := verb and clause.take(NUMBER):
-        count = 1.0 if match["n"] in ("a", "an", "half") else _value(match["n"])
-    if not verb:
+    count = _count(clause)
+    if count is None:
         return None
     phrase = _thing(clause)
     if phrase is None:
@@ -332,3 +304,25 @@ def _copy(clause: Clause) -> Change | None:
     if count < 1 or count > 20:
         raise Refused("copies")
     return _object("copy", phrase, count if count > 1 else None, place)
+
+
+def _count(clause: Clause) -> float | None:
+    """Number of copies that a clause asks for; None where it asks for none."""
+    count = 1.0
+    verb = clause.word("verb", "copy")
+    if match := clause.take(
+        rf"(?:x ?)?{NUMBER} ?(?:times|time|x|copies|duplicates|clones)(?: more)?|x ?(?P<x>\d+)"
+    ):
+        count = float(match["x"]) if match["x"] else _value(match["n"])
+    elif (
+        match := clause.take(
+            rf"{NUMBER} (?:more|extra|additional|other|identical|same|further|new)(?: of| "
+            rf"identical| same| like)*"
+        )
+    ) or (match := clause.take(rf"(?:another|other|extra) {NUMBER}(?: of)?")):
+        count, verb = _value(match["n"]), True
+    elif clause.word("again"):
+        verb = True
+    elif match := verb and clause.take(NUMBER):
+        count = 1.0 if match["n"] in ("a", "an", "half") else _value(match["n"])
+    return count if verb else None

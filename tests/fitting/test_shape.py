@@ -11,7 +11,7 @@ from point_clouds import ball
 
 from gsedit import Event, FitSettings, fit_steps
 from gsedit.bench.synthetic import ring_cameras, scenes, traced_dataset
-from gsedit.capture.fitting.shape import LEAST_WIDTH, LENGTH_A_PIXEL, hold_shapes
+from gsedit.capture.fitting.optimizer import LEAST_WIDTH, LENGTH_A_PIXEL, hold_shapes
 from gsedit.scene.framing import finest_pixels
 
 

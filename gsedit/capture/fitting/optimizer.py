@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import isqrt
+from math import isqrt, log
 
 import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from gsedit.capture.fitting.adam import Adam
-from gsedit.capture.fitting.shape import hold_shapes
 from gsedit.run.state import tensor_like
 from rasterizer.numerics import color_to_sh
 from rasterizer.scene import Gaussians
@@ -22,6 +21,28 @@ contradictions between views would hide. A rate of its own: Adam does not feel a
 LOWEST_COLOR = 1 / 255
 """Lowest base color of a Gaussian to be fitted: one step of an 8-bit picture, above the clamp at
 0."""
+
+
+LEAST_WIDTH = 0.3
+"""Standard deviation along every axis, pixels of the photo that shows a Gaussian largest."""
+LENGTH_A_PIXEL = 10.0
+"""Longest axis, in lengths of the middle one for each pixel of the middle one: the thinner, the
+shorter. Gaps between planks, which photos show, stay whole, and the granite of the bear has grains
+and not scratches; with 3 lengths at any width gaps were rows of beads."""
+
+
+@torch.no_grad()
+def hold_shapes(log_scales: Float[Tensor, "n 3"], pixels: Float[Tensor, " n"]) -> None:
+    """Widen what is thinner than LEAST_WIDTH pixels, shorten what is long for its width; in place.
+
+    A Gaussian thinner than the photos' pixels costs nothing in them and is a scratch where a camera
+    comes nearer (Yu et al. 2024, Mip-Splatting, section 4.1, who widen each Gaussian in the loss).
+    Here the scene that is optimised is the one that is written.
+    """
+    log_pixels = pixels.log()[:, None]
+    log_scales.clamp_min_(log(LEAST_WIDTH) + log_pixels)
+    middle = log_scales.median(-1, keepdim=True).values
+    log_scales.clamp_max_(2 * middle + log(LENGTH_A_PIXEL) - log_pixels)
 
 
 class SceneOptimizer:
@@ -95,7 +116,7 @@ class SceneOptimizer:
             base.copy_(torch.where(only[:, None, None], base.clamp_min(lowest), base))
 
     def hold_shapes(self, pixels: Float[Tensor, " n"]) -> None:
-        """`gsedit.capture.fitting.shape.hold_shapes` of what moves; does nothing where scales do
+        """`hold_shapes` of what moves; does nothing where scales do
         not."""
         if "log_scales" in self._leaves:
             hold_shapes(self._leaves["log_scales"], pixels)
