@@ -47,15 +47,15 @@ class Frames:
     asked: str
     """Text of what is asked, without the rest."""
     kept: list[str] = field(default_factory=list)
-    """What stays: stand-ins, "it", "background", "rest"."""
+    """Things that stay: stand-ins, "it", "background", "rest"."""
     left_out: set[str] = field(default_factory=set)
-    """What of it is only left out of what is asked of more: "all but the bear"."""
+    """Those of them that are only left out of what is asked of more: "all but the bear"."""
     said: list[str] = field(default_factory=list)
     """Words that say so."""
     weaker: bool = False
     """Whether a change goes less far than usual."""
     dropped: str = ""
-    """What was asked and then taken back."""
+    """Words that were asked and then taken back."""
 
 
 def framed(text: str) -> Frames:
@@ -104,7 +104,7 @@ def _isolates(match: re.Match[str]) -> bool:
 
 
 def _named(text: str) -> list[str]:
-    """What words name that stays: stand-ins, "it", "background" or "rest"."""
+    """Things that stay, as words name them: stand-ins, "it", "background" or "rest"."""
     found = NOUN.findall(text)
     plain = NOUN.sub("", text)
     if re.search(r"\b(?:it|him|her|them|itself)\b", re.sub(r"of (?:it|them)|around it", "", plain)):

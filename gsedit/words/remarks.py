@@ -53,7 +53,7 @@ FEELING = re.compile(
     r"|(?:that|it|this) would be (?:great|nice|lovely|good|perfect|wonderful|awesome|cool|"
     r"fine|amazing|super)(?: [a-z]+)?"
 )
-"""What somebody feels."""
+"""A feeling of somebody."""
 RUN_ON = re.compile(
     r"(?<=[a-z%0-9])(?<!make)(?<!making)(?<!let)(?<!have)(?<!want)(?<!see)(?<!get)(?<!keep)"
     r"(?<!if)(?<!that)(?<!when)(?<!as)(?<!though)(?<!so)(?<!because)(?<!like)(?<!where)"
@@ -64,7 +64,7 @@ RUN_ON = re.compile(
     r"will) (?:u|you)|make (?:it|them|him|her) (?:look|more|less|a |all)|there is|i m|its "
     r"(?:ugly|too|way|so|really|boring|not)) )"
 )
-"""Where another clause begins without a mark."""
+"""The place where another clause begins without a mark."""
 LIKENED = re.compile(
     r" as (?:a|an|the) [^,;.!?:\n]*| (?:(?:just |kind of |sort of |a bit |exactly |a little |"
     r"much )?(?:like|as if|as though|as in|similar to|the way|reminiscent of|such as|same as|"
@@ -73,7 +73,7 @@ LIKENED = re.compile(
     r"[^,;.!?:\n]*| for (?:the|my|our|a|an|this|some) (?!zq)[a-z]+(?: [a-z]+)?(?= ?(?:[,.!?]|"
     r"$))"
 )
-"""What only illustrates a request, or says what it is for."""
+"""Words that only illustrate a request, or say what it is for."""
 
 
 def variants(text: str) -> Iterator[str]:

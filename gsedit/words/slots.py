@@ -46,7 +46,7 @@ class Clause:
         self.text = f" {text} "
 
     def take(self, pattern: str) -> re.Match[str] | None:
-        """What a pattern finds, which is then out of the text."""
+        """The match of a pattern, which is then out of the text."""
         match = re.search(rf"(?<= )(?:{pattern})(?= )", self.text)
         if match:
             self.text = f"{self.text[: match.start()]} {self.text[match.end() :]}"
@@ -244,7 +244,7 @@ def _move(clause: Clause) -> Change | None:
     if match and first and first.start() < match.start("of"):
         clause.take(re.escape(match[0].strip()))
         side = next(v for v in SIDES if re.fullmatch(TABLE["side", v], match["side"]))
-        place = Place(side, f"the {match['of']}")
+        place = Place(side, f"the {match['of']}")  # type: ignore[arg-type]
     else:
         side = clause.one_of("way")
         if not side:
@@ -287,7 +287,7 @@ def _copy(clause: Clause) -> Change | None:
         rf"it|the (?:first|original|other|existing|old)(?: one)?)"
     ):
         side = next(v for v in SIDES if re.fullmatch(TABLE["side", v], match["side"]))
-        place = Place(side, f"the {match['of']}" if match["of"] else phrase)
+        place = Place(side, f"the {match['of']}" if match["of"] else phrase)  # type: ignore[arg-type]
     elif side := clause.one_of("way"):
         place = Place({"forward": "front", "back": "behind", "up": "on"}.get(side, side), phrase)  # type: ignore[arg-type]
         if side == "down":

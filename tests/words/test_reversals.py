@@ -1,4 +1,4 @@
-"""What a sentence says stays never changes: templates over things, materials, tones and looks."""
+"""Templates of exceptions over things, materials, tones and looks: what stays never changes."""
 
 from __future__ import annotations
 

@@ -251,7 +251,7 @@ def _in_front(
     points: Float64[np.ndarray, "c 3"],
     others: Sequence[Plane],
 ) -> tuple[Bool[np.ndarray, "h w"], Bool[np.ndarray, "h w"]]:
-    """What is known and solid of a plane: behind another plane, only what was seen."""
+    """Known and solid pixels of a plane: behind another plane, only what was seen."""
     for other in others:
         behind = (other.heights(points) < -other.band).reshape(known.shape)
         known = known & (~behind | seen)
