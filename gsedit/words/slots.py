@@ -206,7 +206,7 @@ def _turn(clause: Clause) -> Change | None:
     )
     if not verb or phrase is None or not clause.is_empty:
         return None
-    share = round((-abs(degrees) if way == "right" else degrees) / 360, 6)
+    share = (-abs(degrees) if way == "right" else degrees) / 360
     return _object("turn", phrase, share) if share % 1 else None
 
 

@@ -137,11 +137,11 @@ def test_a_sentence_is_read():
     assert record["changes"] == [
         {
             "target": "subject", "kind": "paint", "name": "teal", "color": "#029386",
-            "amount": None, "route": "paint", "phrase": "", "place": None,
+            "amount": None, "route": "paint", "phrase": "the bear", "place": None, "keep": [],
         },
         {
             "target": "scene", "kind": "tone", "name": "contrast", "color": None,
-            "amount": -0.2, "route": "tone", "phrase": "", "place": None,
+            "amount": -0.2, "route": "tone", "phrase": "", "place": None, "keep": [],
         },
     ]  # fmt: skip
 

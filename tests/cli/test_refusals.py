@@ -140,7 +140,7 @@ REFUSED = """
 2 | EDIT -o out --editor closed-form --features gone.pth | filters or vgg
 2 | edit scene.ply 'paint it red' --steps 3 -o out | nothing that is drawn
 2 | edit scene.ply 'as a hologram' -o out | graffiti and nocturne
-2 | edit scene.ply 'in the style of Vermeer' -o out | the nearest are
+2 | edit scene.ply 'in the style of Giacometti' -o out | the nearest are
 2 | edit scene.ply 'in the style of this picture' -o out | --like
 2 | edit scene.ply 'paint it red' --editor painter -o out | nothing that is drawn
 2 | edit scene.ply 'make it impressionist' --condition photo -o out | --data
