@@ -1,4 +1,4 @@
-"""`python -m gsedit_cli`, as torchrun starts it."""
+"""`python -m gsedit_cli`: the command line."""
 
 from .main import main
 

@@ -40,30 +40,9 @@ QUALITIES = (
 )
 """Words for how something is done, or is."""
 PLACES = frozenset(
-    (
-        "on",
-        "over",
-        "in",
-        "at",
-        "above",
-        "by",
-        "behind",
-        "of",
-        "with",
-        "for",
-        "under",
-        "around",
-        "onto",
-        "from",
-        "bathe",
-        "light",
-        "put",
-        "outside",
-        "across",
-        "near",
-        "of",
-    )
-)
+    ("on", "over", "in", "at", "above", "by", "behind", "of", "with", "for",
+     "under", "around", "onto", "from", "bathe", "light", "put", "outside", "across", "near")
+)  # fmt: skip
 """Words before a thing on which light falls."""
 FILLERS = frozenset(things("filler"))
 """Words of which nothing is made that say no more."""
@@ -156,7 +135,7 @@ def _is_lost(
         return word.value not in named
     if word.kind not in HELD or word.text in LOOSE or word.text in ANY_DRAWING:
         return False
-    if word.text in named or any(each in named for each in (word.value.split()[:1] or [word.text])):
+    if word.text in named or (word.value.split() or [word.text])[0] in named:
         return False
     if word.color and word.color in named:
         return False

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 
 from gsedit.words.instruction import Change
 from gsedit.words.lexicon import SLOTS, rows_of, things
+from gsedit.words.phrases import IT
 from gsedit.words.scan import DETERMINERS, STAND_IN, Word, scanned
 
 DEFINITE = DETERMINERS | {"these", "those", "its", "both", "all", "every", "each"}
@@ -73,10 +74,13 @@ class Nouns:
         return re.sub(rf"(?:the )?({STAND_IN})", lambda m: self.phrases.get(m[1], m[0]), text)
 
     def told(self, change: Change) -> Change:
-        """A change with the phrases again."""
+        """A change with the phrases again; "the subject" says no more than its target."""
+        phrase = self.restored(change.phrase)
+        if phrase == "the subject":
+            phrase = IT if change.kind == "object" else ""
         place = change.place and replace(change.place, of=self.restored(change.place.of))
         keep = tuple(map(self.restored, change.keep))
-        return replace(change, phrase=self.restored(change.phrase), place=place, keep=keep)
+        return replace(change, phrase=phrase, place=place, keep=keep)
 
 
 def tells(phrase: str) -> bool:

@@ -36,19 +36,6 @@ DEFINITE = DETERMINERS | {"these", "those"}
 
 NUMBERED = re.compile(r"\b(?:the )?object ?(\d+)\b", re.IGNORECASE)
 """An object by its number, as gsedit select --objects tells it."""
-LETTERED = re.compile(r"\b(?:the )?objectnumber([a-j]+)\b")
-"""NUMBERED as one word: a number beside it would be taken for an amount."""
-
-
-def in_letters(number: str) -> str:
-    """The word of LETTERED for an object's number."""
-    return "objectnumber" + "".join("abcdefghij"[int(digit)] for digit in number)
-
-
-def in_digits(text: str) -> str:
-    """A text with words of LETTERED as "object 2"."""
-    number = lambda found: "".join(str("abcdefghij".index(each)) for each in found[1])  # noqa: E731
-    return LETTERED.sub(lambda found: f"object {number(found)}", text)
 
 
 def object_phrase(text: str, *, parts: bool = False) -> str | None:
@@ -58,7 +45,7 @@ def object_phrase(text: str, *, parts: bool = False) -> str | None:
     lights, weather and tones are no objects, and parts of things only where `parts` may be.
     """
     text = text.strip()
-    if numbered := NUMBERED.fullmatch(in_digits(text)):
+    if numbered := NUMBERED.fullmatch(text):
         return f"object {numbered[1]}"
     if text in PRONOUNS:
         return IT
@@ -73,7 +60,7 @@ def object_phrase(text: str, *, parts: bool = False) -> str | None:
         place and not _is_place(text[place.start() :], text[place.end() :])
     ):
         return None
-    return in_digits(text)
+    return text
 
 
 def _names(words: list[Word], parts: bool) -> bool:

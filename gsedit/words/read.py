@@ -67,10 +67,6 @@ def read_instruction(
             return Instruction(sentence, False, why, (), "style")
         return Instruction(sentence, False, REASONS[kind], (), kind)
     told = tuple(map(nouns.told, changes))
-    bare = {"object": "it"}
-    told = tuple(
-        replace(c, phrase=bare.get(c.kind, "")) if c.phrase == "the subject" else c for c in told
-    )
     text, left = "; ".join(map(str, told)), tuple(nouns.restored(each) for each in unread)
     if any(map(stops, left)) and not accept_unread:
         quoted = ", ".join(repr(each) for each in left)

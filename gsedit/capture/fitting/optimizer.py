@@ -77,11 +77,6 @@ class SceneOptimizer:
     def __len__(self) -> int:
         return next(iter({**self._constant, **self._leaves}.values())).shape[0]
 
-    def gradient(self, name: str) -> Tensor:
-        """Gradient of one field after a backward pass; zeros if there is none."""
-        leaf = self._leaves[name]
-        return torch.zeros_like(leaf) if leaf.grad is None else leaf.grad
-
     def step(
         self, scale: Mapping[str, float] | float = 1.0, only: Bool[Tensor, " n"] | None = None
     ) -> None:
@@ -116,8 +111,7 @@ class SceneOptimizer:
             base.copy_(torch.where(only[:, None, None], base.clamp_min(lowest), base))
 
     def hold_shapes(self, pixels: Float[Tensor, " n"]) -> None:
-        """`hold_shapes` of what moves; does nothing where scales do
-        not."""
+        """`hold_shapes` of what moves; does nothing where scales do not."""
         if "log_scales" in self._leaves:
             hold_shapes(self._leaves["log_scales"], pixels)
 
