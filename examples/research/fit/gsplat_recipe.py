@@ -133,7 +133,7 @@ class _Run:
         compiled = is_compiled(self.execution)
         picture, photo = supervised(picture, view.image, view.mask)
         photometric(picture, photo, settings.dssim_weight, compiled=compiled).backward()
-        gradient = optimizer.gradient("means")
+        gradient = scene.means.grad
         optimizer.step({"means": settings.final_rate ** (now / settings.steps)})
         if now < settings.refine_stop:
             self.counted.add(gradient, scene, view.camera)
