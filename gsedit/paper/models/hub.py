@@ -55,10 +55,6 @@ SDXL = Family(
     "InstructPix2Pix of SDXL", "stable_diffusion", (*SD.networks, "text_encoder_2"),
     (*SD.others, "tokenizer_2"), "diffusers/sdxl-instructpix2pix-768", 12.3,
 )  # fmt: skip
-DREAMLITE = Family(
-    "DreamLite, DreamLite-mobile", "dreamlite", SD.networks,
-    (*SD.others, "processor"), "carlofkl/DreamLite-mobile@diffusers", 5.1,
-)  # fmt: skip
 KLEIN = Family(
     "FLUX.2-klein", "klein", ("transformer", *SD.networks[1:]),
     SD.others, "black-forest-labs/FLUX.2-klein-4B", 16.0,
@@ -66,8 +62,6 @@ KLEIN = Family(
 PIPELINES = {
     "StableDiffusionInstructPix2PixPipeline": SD,
     "StableDiffusionXLInstructPix2PixPipeline": SDXL,
-    "DreamLitePipeline": DREAMLITE,
-    "DreamLiteMobilePipeline": DREAMLITE,
     "Flux2KleinPipeline": KLEIN,
 }
 """Families by the class of their pipeline, which model_index.json names."""
@@ -195,7 +189,7 @@ def find(
     offline: bool = False,
     yes: Consent = False,
 ) -> Path:
-    """The folder, or single file, that holds the model, whole or not.
+    """The folder that holds the model, whole or not.
 
     In order: `model` as a path, in `weights_dir`, in the hub's cache if it is whole there, on the
     hub; with `offline` the hub is not asked, and what the cache holds is taken as it is. Raises
@@ -279,30 +273,6 @@ def _wanted(model: str, family: Family, names: Iterable[str]) -> list[str]:
             )
         wanted += [name for name in own if name.endswith(TEXTS)] + (full or half)
     return wanted
-
-
-def settings_for(file: Path, family: Family, *, yes: Consent = False) -> Path:
-    """The folder with a single file's settings and tokenizers: one of its name without the suffix,
-    its own, or the family's example on the hub, of which some MB are downloaded.
-
-    Raises UsageError for a download without agreement, InputError where there is none.
-    """
-    for folder in (file.with_suffix(""), file.parent):
-        if (folder / INDEX).is_file():
-            return folder
-    small = [INDEX, "*/*.json", "*/*.txt"]
-    offer = f"{file} is a single file: its settings are those of {family.example}, 3 MB"
-    move = f"put a folder {file.stem} with {INDEX} and the settings beside it"
-    if (here := cached(family.example, "unet/config.json")) is not None:
-        return here
-    if not (yes(offer) if callable(yes) else yes):
-        raise UsageError(f"{offer}: add --yes to download them, or {move}")
-    from huggingface_hub import snapshot_download
-
-    try:
-        return Path(snapshot_download(family.example, allow_patterns=small))
-    except Exception as error:  # as in find
-        raise InputError(f"{offer}, could not be downloaded ({_reason(error)}): {move}") from error
 
 
 def cached(model: str, name: str) -> Path | None:

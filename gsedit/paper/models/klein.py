@@ -7,19 +7,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, NamedTuple
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 from torch.nn.functional import pixel_shuffle, pixel_unshuffle
 
-from gsedit.errors import UsageError
-from gsedit.paper.diffusion.flow import FlowScheduler, check_spacing, empirical_mu
+from gsedit.errors import InputError, UsageError
 from gsedit.paper.diffusion.guidance import Latents, Need, Prediction
-from gsedit.paper.diffusion.schedules import NoiseLevel
+from gsedit.paper.diffusion.schedules import CLEAN, NoiseLevel, Schedule
 from gsedit.paper.diffusion.settings import SamplerDefaults, SamplerSettings
-from gsedit.paper.models.loading import Parts
+from gsedit.paper.models.loading import Parts, explained
 from gsedit.paper.models.model import Model, TextNetwork, tokens_over, words
 from gsedit.paper.protocol import Capabilities
 
@@ -36,7 +36,7 @@ GUIDED = SamplerDefaults(guidance_text=4.0, guidance_image=1.0, steps=50, solver
 class Condition(NamedTuple):
     """The transformer's input that no step changes."""
 
-    reference: Float[Tensor, "v n d"]
+    images: Float[Tensor, "v n d"]
     """Tokens of the unedited pictures."""
     text: Float[Tensor, "1 l e"]
     null: Float[Tensor, "1 l e"] | None
@@ -50,10 +50,10 @@ class Klein(Model):
     transformer: Any
     text_encoder: TextNetwork
     tokenizer: Any
-    flow: FlowScheduler
+    scheduler: Any
+    """diffusers' FlowMatchEulerDiscreteScheduler."""
     distilled: bool = True
     """Without guidance: the branch of the instruction is all there is."""
-    of_each_view: ClassVar[tuple[str, ...]] = ("reference",)
     predicts: Prediction = "flow"
 
     @property
@@ -109,7 +109,7 @@ class Klein(Model):
         self, x: Float[Tensor, "b c y x"], t: float, condition: Condition, need: Need
     ) -> tuple[Float[Tensor, "b c y x"], ...]:
         """A pass for each of (text, picture), (null, picture), (null, no picture) in need."""
-        text, null, reference = condition.text, condition.null, condition.reference
+        text, null, reference = condition.text, condition.null, condition.images
         if null is None and (need.image or need.none):
             raise UsageError(f"{self.name} is distilled, it has no guidance: leave guidance at 1")
         branches = [(text, reference), (null, reference), (null, reference[:, :0])]
@@ -138,10 +138,22 @@ class Klein(Model):
         return unpacked(out.to(x.dtype), x.shape[2] // 2, x.shape[3] // 2)
 
     def _levels(self, settings: SamplerSettings, cells: tuple[int, int]) -> list[NoiseLevel]:
-        check_spacing(settings)
+        """A line of shares of noise s that falls from `strength`, as diffusers' scheduler bends it:
+        more so the larger the picture (Esser et al. 2024, section 5.3)."""
+        from diffusers.pipelines.flux2.pipeline_flux2_klein import compute_empirical_mu
+
+        if settings.step_spacing != SamplerDefaults().spacing:
+            raise UsageError(
+                f"spacing {settings.step_spacing} is not for this model, which divides its noise "
+                "levels in its own way: leave it out"
+            )
         steps = settings.step_count
-        mu = empirical_mu((cells[0] // 2) * (cells[1] // 2), steps)
-        return self.flow.levels(steps, settings.strength, mu=mu)
+        mu = compute_empirical_mu((cells[0] // 2) * (cells[1] // 2), steps)
+        line = [settings.strength * (1 - i / steps) for i in range(steps)]
+        self.scheduler.set_timesteps(sigmas=line, mu=mu)
+        shares = self.scheduler.sigmas[:-1].tolist()
+        train_steps = len(self.schedule.alphas_cumprod) - 1
+        return [*(NoiseLevel(train_steps * s, 1 - s, s) for s in shares), CLEAN]
 
     @property
     def _statistics(self) -> tuple[Float[Tensor, "1 d 1 1"], Float[Tensor, "1 d 1 1"]]:
@@ -171,17 +183,37 @@ class Klein(Model):
 
 def load(parts: Parts, *, micro_batch: int) -> Klein:
     """The model of a folder. Raises InputError for a schedule that is not supported."""
-    flow = FlowScheduler.read(parts.settings("scheduler"), parts.folder / "scheduler")
+    scheduler = scheduler_of(parts.settings("scheduler"), parts.folder / "scheduler")
     return Klein(
         transformer=parts.network("transformer"),
         vae=parts.network("vae"),
         text_encoder=parts.text_network("text_encoder", _used),
         tokenizer=parts.tokenizer("tokenizer"),
-        flow=flow,
-        schedule=flow.schedule,
+        scheduler=scheduler,
+        schedule=Schedule.rectified_flow(scheduler.config.num_train_timesteps),
         distilled=bool(parts.index.get("is_distilled", False)),
         micro_batch=micro_batch,
     )
+
+
+def scheduler_of(config: dict[str, Any], place: Path) -> Any:
+    """The scheduler of a scheduler_config.json; `place` is named in errors. Raises InputError."""
+    from diffusers.schedulers.scheduling_flow_match_euler_discrete import (
+        FlowMatchEulerDiscreteScheduler,
+    )
+
+    name = config.get("_class_name")
+    if name != FlowMatchEulerDiscreteScheduler.__name__:
+        raise InputError(
+            f"{place}: the scheduler is {name}, this model needs FlowMatchEulerDiscreteScheduler"
+        )
+    for option in ("invert_sigmas", "stochastic_sampling"):
+        if config.get(option):
+            raise InputError(f"{place}: {option} is not supported, it must be false")
+    with explained(str(place)):
+        scheduler = FlowMatchEulerDiscreteScheduler.from_config(config)
+        scheduler.set_timesteps(2, mu=1.0)
+    return scheduler
 
 
 def _used(language_model: Any) -> Any:

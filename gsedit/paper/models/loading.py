@@ -1,4 +1,4 @@
-"""A model of any family, from a folder, a single file or a hub id."""
+"""A model of any family, from a folder or a hub id."""
 
 from __future__ import annotations
 
@@ -16,11 +16,6 @@ from gsedit.paper.diffusion.memory import GB, SHARE, free_bytes
 from gsedit.paper.diffusion.settings import Precision
 from gsedit.paper.models.hub import (
     INDEX,
-    NO_PICKLE,
-    PICKLES,
-    PIPELINES,
-    SD,
-    SDXL,
     Consent,
     Family,
     Part,
@@ -28,20 +23,12 @@ from gsedit.paper.models.hub import (
     find,
     inspect,
     require,
-    settings_for,
     settings_in,
-    stored_in,
 )
 from gsedit.paper.models.model import Model, TextNetwork
 
 DTYPES = {"F32": torch.float32, "F16": torch.float16, "BF16": torch.bfloat16}
 """By their names in the headers of safetensors files."""
-FIRST_LAYER = "model.diffusion_model.input_blocks.0.0.weight"
-"""Name of a U-Net's first convolution in Stability AI's checkpoints."""
-SECOND_TEXT = "conditioner.embedders.1."
-"""Beginning of the names of SDXL's second text encoder in them."""
-EDM = "edm_vpred.sigma_max"
-"""Name by which CosXL's checkpoints are told."""
 
 
 def load_model(
@@ -52,7 +39,7 @@ def load_model(
     precision: Precision = "auto",
     yes: Consent = False,
 ) -> Model:
-    """The model of a folder, file or hub id, looked for on this machine before the hub is asked.
+    """The model of a folder or hub id, looked for on this machine before the hub is asked.
 
     Only safetensors are read, and no code that comes with a model is run. `yes` agrees to a
     download, or is asked with its size and licence. Raises UsageError without diffusers, agreement,
@@ -66,7 +53,7 @@ def load_model(
         raise UsageError(
             f"the editors pix2pix and diffusers need {error.name}: pip install 'gsedit[diffusers]'"
         ) from error
-    parts = Parts.of_file(place, precision, yes) if place.is_file() else Parts.of(place, precision)
+    parts = Parts.of(place, precision)
     return import_module(f"gsedit.paper.models.{parts.family.module}").load(
         parts, micro_batch=micro_batch
     )
@@ -77,15 +64,12 @@ class Parts:
     """The components of a model, loaded one at a time. Every method raises InputError."""
 
     folder: Path
-    """The folder with the settings, and the weights but for a single file's."""
     index: dict[str, Any]
     """The contents of model_index.json: classes of the components, and the pipeline's settings."""
     family: Family
     held: dict[str, Part]
     precision: Precision = "auto"
     """Precision of the weights in memory; auto: as they are stored, see `dtype`."""
-    pipeline: Any = None
-    """Pipeline of diffusers that a single file made; None for a folder."""
 
     @classmethod
     def of(cls, folder: Path, precision: Precision = "auto") -> Parts:
@@ -98,49 +82,12 @@ class Parts:
         made.check_memory()
         return made
 
-    @classmethod
-    def of_file(cls, file: Path, precision: Precision, yes: Consent) -> Parts:
-        """The parts of a checkpoint of InstructPix2Pix by the names of Stability AI's code."""
-        if file.suffix in PICKLES:
-            raise InputError(f"{file} is a pickle: {NO_PICKLE}; give a folder, or safetensors")
-        stored = stored_in(file)
-        if FIRST_LAYER not in stored or EDM in stored:
-            raise InputError(
-                f"{file} is no checkpoint of InstructPix2Pix: give one, or a folder in diffusers' "
-                f"layout, such as --model {SD.example}"
-            )
-        family = SDXL if any(name.startswith(SECOND_TEXT) for name in stored) else SD
-        folder = settings_for(file, family, yes=yes)
-        name = next(name for name, each in PIPELINES.items() if each == family)
-        part = Part(file.name, "", (file,), stored[FIRST_LAYER][1])
-        made = cls(folder, settings_in(folder / INDEX), family, {"unet": part}, precision)
-        import diffusers
-
-        with explained(str(file)), quiet():
-            pipeline = getattr(diffusers, name).from_single_file(
-                str(file), config=str(folder), local_files_only=True,
-                torch_dtype=made.dtype("unet"), extract_ema=True, safety_checker=None,
-                feature_extractor=None,
-            )  # fmt: skip
-            pipeline.vae.float()
-            networks = {name: getattr(pipeline, name) for name in family.networks}
-            # those of which some weights are in no file
-            meta = [k for k, net in networks.items() if any(w.is_meta for w in net.parameters())]
-        if meta:
-            raise InputError(
-                f"{file} lacks weights of {folder / meta[0]}/config.json: the two are of different "
-                "models, or the file is a part of one; take the settings of the file's own"
-            )
-        return cls(folder, made.index, family, made.held, precision, pipeline)
-
     def settings(self, name: str) -> dict[str, Any]:
         """The scheduler's settings, or those of another component, `_class_name` among them."""
         return settings_in(self.folder / name / f"{name}_config.json")
 
     def network(self, name: str) -> Any:
         """A network, for inference; the VAE always in float32."""
-        if self.pipeline is not None:
-            return _frozen(getattr(self.pipeline, name))
         part, kind = self.held[name], self._kind(name)
         is_text = name.startswith("text_encoder")
         dtype = torch.float32 if name == "vae" else self.dtype(name)
@@ -161,8 +108,7 @@ class Parts:
         self, name: str, used: Callable[[Any], Any] = lambda each: each
     ) -> TextNetwork:
         """A text encoder, of which `used` gives the part that is looked at."""
-        again = None if self.pipeline is not None else (lambda: used(self.network(name)))
-        return TextNetwork(used(self.network(name)), again)
+        return TextNetwork(lambda: used(self.network(name)))
 
     def tokenizer(self, name: str, kind: Any = None) -> Any:
         """A tokenizer or processor of transformers; one that brings its own code is refused."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar, NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import torch
 from jaxtyping import Float, Int
@@ -25,17 +25,17 @@ F = TypeVar("F")
 
 
 class TextNetwork:
-    """A text encoder, called as its network is. Its weights take memory only while it is used, as
-    far as they can be read `again`."""
+    """A text encoder, called as its network is. Its weights take memory only while it is used."""
 
-    def __init__(self, network: Any, again: Callable[[], Any] | None) -> None:
-        self._network, self._again = network, again
+    def __init__(self, load: Callable[[], Any]) -> None:
+        self._load = load
+        self._network = load()  # which says now what is wrong with it
 
     @property
     def network(self) -> Any:
         """The network; loaded again where it was put away."""
-        if self._network is None and self._again is not None:
-            self._network = self._again()
+        if self._network is None:
+            self._network = self._load()
         return self._network
 
     def __call__(self, *inputs: Any, **options: Any) -> Any:
@@ -44,8 +44,7 @@ class TextNetwork:
 
     def put_away(self) -> None:
         """Drop the weights from memory."""
-        if self._again is not None:
-            self._network = None
+        self._network = None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -64,8 +63,6 @@ class Model(ABC):
     """Views in one pass of a network: memory against speed; the result is the same."""
     name: str = "pix2pix"
     padding: PadMode = "mirror"
-    of_each_view: ClassVar[tuple[str, ...]] = ("images",)
-    """Fields of a condition whose rows are views."""
     texts: dict[str, Any] = field(default_factory=dict, repr=False)
     """Features of texts that were read, see `read_once`; copies of this model share them."""
 
@@ -101,13 +98,7 @@ class Model(ABC):
     def condition(
         self, originals: Float[Tensor, "v h w 3"], prompt: str, generator: torch.Generator
     ) -> Any:
-        """Everything that no step changes, as a NamedTuple: see `of_each_view`."""
-
-    def of_views(self, condition: Any, views: slice) -> Any:
-        """The part of a condition that belongs to some of its views."""
-        parts = {name: getattr(condition, name) for name in self.of_each_view}
-        own = {name: None if part is None else part[views] for name, part in parts.items()}
-        return condition._replace(**own)
+        """Everything that no step changes, as a NamedTuple; the rows of its `images` are views."""
 
     @abstractmethod
     def predict(
@@ -174,7 +165,8 @@ class Model(ABC):
     def branches(self, x: Latents, t: float, condition: Any, need: Need) -> Branches:
         """Branches in need, `micro_batch` views in a pass of the network."""
         slices = [slice(i, i + self.micro_batch) for i in range(0, len(x), self.micro_batch)]
-        chunks = [self.predict(x[i], t, self.of_views(condition, i), need) for i in slices]
+        of = [condition._replace(images=condition.images[i]) for i in slices]
+        chunks = [self.predict(x[i], t, part, need) for i, part in zip(slices, of)]
         predicted = iter(torch.cat(branch) for branch in zip(*chunks))
         return Branches(*(next(predicted) if needed else None for needed in need))
 

@@ -5,9 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import diffusers
 import pytest
-import tiny_dreamlite
 import tiny_flux
 import tiny_models
 import torch
@@ -21,10 +19,6 @@ SIDE = 32
 MAKE = {
     "StableDiffusionInstructPix2PixPipeline": tiny_models.tiny_pipeline,
     "StableDiffusionXLInstructPix2PixPipeline": tiny_models.tiny_xl_pipeline,
-    "DreamLitePipeline": lambda _: tiny_dreamlite.tiny_dreamlite(),
-    "DreamLiteMobilePipeline": lambda _: tiny_dreamlite.tiny_dreamlite(
-        diffusers.DreamLiteMobilePipeline
-    ),
     "Flux2KleinPipeline": lambda _: tiny_flux.klein(),
 }
 

@@ -1,5 +1,7 @@
 """FLUX.2-klein against diffusers' pipelines, tiny and random."""
 
+from pathlib import Path
+
 import model_laws
 import pytest
 import torch
@@ -8,9 +10,10 @@ from model_runs import as_files, noise, pictures
 from tiny_flux import klein, trace
 from torch.nn.functional import pixel_unshuffle
 
+from gsedit.errors import InputError, UsageError
 from gsedit.paper.diffusion.guidance import Need
 from gsedit.paper.diffusion.settings import SamplerSettings
-from gsedit.paper.models.klein import packed
+from gsedit.paper.models.klein import packed, scheduler_of
 from gsedit.paper.models.loading import load_model
 
 pytestmark = pytest.mark.usefixtures("offline")
@@ -87,3 +90,23 @@ def test_encode_and_decode_equal_the_pipelines(both):
     latents = theirs * (variance + pipe.vae.config.batch_norm_eps).sqrt() + mean
     expected = pipe.vae.decode(pipe._unpatchify_latents(latents)).sample
     assert_near(model.decode(ours), expected.movedim(1, -1) / 2 + 0.5, NETWORK)
+
+
+@pytest.mark.parametrize(
+    ("config", "named"),
+    [
+        ({"_class_name": "UniPCMultistepScheduler"}, "UniPCMultistepScheduler"),
+        ({"time_shift_type": "cubic"}, "time_shift_type"),
+        ({"shift": "three"}, "cannot be loaded"),
+        ({"invert_sigmas": True}, "invert_sigmas"),
+    ],
+)
+def test_a_bad_schedule_is_refused_by_name(config, named):
+    given = {"_class_name": "FlowMatchEulerDiscreteScheduler", **config}
+    with pytest.raises(InputError, match=f"(?s)here.json.*{named}"):
+        scheduler_of(given, Path("here.json"))
+
+
+def test_a_spacing_of_another_model_is_refused(both):
+    with pytest.raises(UsageError, match="karras"):
+        both[1].capabilities.levels(SamplerSettings(spacing="karras"), (16, 16))

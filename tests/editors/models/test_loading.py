@@ -1,4 +1,4 @@
-"""Folders and single files of models: loaded as they are stored, or refused with the next move."""
+"""Folders of models: loaded as they are stored, or refused with the next move."""
 
 from __future__ import annotations
 
@@ -12,15 +12,11 @@ import diffusers
 import pytest
 import torch
 import transformers
-from closeness import NETWORK, assert_near
 from gsedit_cli.main import app
-from ldm_checkpoints import checkpoint_of
 from safetensors.torch import load_file, save_file
-from tiny_models import PROMPT, SD, tiny_text, tiny_tokenizer, tiny_vae, tiny_xl_unet
 from typer.testing import CliRunner
 
 from gsedit.errors import InputError, UsageError
-from gsedit.paper.diffusion.guidance import Need
 from gsedit.paper.models import loading
 from gsedit.paper.models.loading import Parts, load_model
 
@@ -190,72 +186,3 @@ def test_a_tokenizer_with_code_of_its_own_is_refused_and_not_run(copy, monkeypat
     (copy / "tokenizer" / "own.py").write_text("raise SystemExit('run')")
     with pytest.raises(InputError, match="custom code"):
         Parts.of(copy).tokenizer("tokenizer", transformers.AutoTokenizer)
-
-
-# ---- single files --------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def two_sizes(tmp_path_factory):
-    """A pipeline of SDXL whose text encoders differ in size, by which they are told apart."""
-    words, texts = tmp_path_factory.mktemp("two"), [tiny_text(), tiny_text()]
-    texts[0].hidden_size, texts[1].hidden_size = 24, 40
-    with torch.random.fork_rng():
-        torch.manual_seed(3)
-        return diffusers.StableDiffusionXLInstructPix2PixPipeline(
-            unet=tiny_xl_unet().eval(),
-            vae=tiny_vae().eval(),
-            text_encoder=transformers.CLIPTextModel(texts[0]).eval(),
-            text_encoder_2=transformers.CLIPTextModelWithProjection(texts[1]).eval(),
-            tokenizer=tiny_tokenizer(words / "one"),
-            tokenizer_2=tiny_tokenizer(words / "two"),
-            scheduler=diffusers.DDIMScheduler(**SD),
-            add_watermarker=False,
-        )
-
-
-def saved(pipe, place: Path) -> Path:
-    """A single file, with its settings and tokenizers beside it, without any weights."""
-    pipe.save_pretrained(place / "a")
-    for weights in (place / "a").rglob("*.safetensors"):
-        weights.unlink()
-    save_file(checkpoint_of(pipe), place / "a.safetensors")
-    return place / "a.safetensors"
-
-
-def seen(model) -> torch.Tensor:
-    """An evaluation of every network: what the text, the encoder and the U-Net say."""
-    g = torch.Generator().manual_seed(1)
-    condition = model.condition(torch.rand(1, 32, 32, 3, generator=g), PROMPT, torch.Generator())
-    x = torch.randn(1, 4, 16, 16, generator=g)
-    branches = model.branches(x, 500.0, condition, Need())
-    return torch.cat([branches.text_image.flatten(), model.decode(x).flatten()])
-
-
-def test_a_file_is_equal_to_its_folder(pipeline, folder, tmp_path):
-    assert_near(seen(load_model(saved(pipeline, tmp_path))), seen(load_model(folder)), NETWORK)
-
-
-def test_a_file_of_sdxl_is_equal_to_its_folder(two_sizes, tmp_path):
-    two_sizes.save_pretrained(tmp_path / "whole")
-    expected = seen(load_model(tmp_path / "whole"))
-    assert_near(seen(load_model(saved(two_sizes, tmp_path))), expected, NETWORK)
-
-
-def test_files_that_are_refused(pipeline, tmp_path):
-    file = saved(pipeline, tmp_path)
-    held = checkpoint_of(pipeline)
-    del held["model.diffusion_model.out.2.bias"]
-    save_file(held, file)
-    with pytest.raises(InputError, match=r"a.safetensors .*(lacks weights|cannot be loaded)"):
-        load_model(file)
-    save_file({"lora": torch.ones(2)}, file)
-    with pytest.raises(InputError, match="is no checkpoint of InstructPix2Pix"):
-        load_model(file)
-    (tmp_path / "a.ckpt").write_bytes(b"")
-    with pytest.raises(InputError, match="is a pickle"):
-        load_model(tmp_path / "a.ckpt")
-    save_file(checkpoint_of(pipeline), file)
-    shutil.rmtree(tmp_path / "a")
-    with pytest.raises(UsageError, match=r"settings are those of timbrooks.*3 MB: add --yes"):
-        load_model(file)
