@@ -11,7 +11,6 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.capture.fitting.crops import CorrectedCrops
 from gsedit.capture.fitting.random_crops import crops_needed
 from gsedit.capture.fitting.solve import solve_colors, trusting_penalty
 from gsedit.capture.fitting.strokes import BAND_PENALTY, leading_shares, leading_views, stroke_steps
@@ -42,26 +41,20 @@ def _targets(session: Session) -> list[Target]:
     edited, patch = session.progress.edited, session.request.settings.update.patch
     masks = region_masks(session, _edited(session))
     region = None if masks is None else session.region
-    for i, view, mask in zip(edited.targets, edited.targets.values(), masks or repeat(None)):
-        of, known = edited.fitted.get(i, (None, None))
-        if known is None or known.view is not view or of is not region:
-            edited.fitted[i] = region, Target(view, mask, patch)
+    for (i, view), mask in zip(edited.targets.items(), masks or repeat(None)):
+        of = view, region
+        if i not in edited.fitted or any(a is not b for a, b in zip(edited.fitted[i][0], of)):
+            edited.fitted[i] = of, Target(_for_groups(session, i, view), mask, patch)
     return [edited.fitted[i][1] for i in edited.targets]
 
 
-def _calibrate_crops(session: Session, targets: list[Target]) -> None:
-    """Render the targets' views of a large scene, and correct the crops of its groups by them.
-
-    Groups look nearly like the scene, and the nearer the less remains to be done: here half of the
-    last round.
-    """
-    progress, scene = session.progress, session.whole_scene()
-    if isinstance(progress.crops, CorrectedCrops):
-        execution = session.request.settings.execution
-        for target in targets:
-            for each in dict.fromkeys((target.small, target.view)):
-                picture = render_with_depth(scene, each.camera, execution).color
-                progress.crops.meet(each, picture, progress.optimizer)
+def _for_groups(session: Session, i: int, view: View) -> View:
+    """An edited view i of a large scene, less what its picture shows beyond that of the groups."""
+    request = session.request
+    if request.coarse is None:
+        return view
+    groups = render_with_depth(request.scene, view.camera, request.settings.execution).color
+    return replace(view, image=view.image + groups - session.unedited.rendering(i).color)
 
 
 MAX_STEPS_AT_ONCE = 10
@@ -135,8 +128,6 @@ class Update:
         share = sum(target.share for target in targets) / len(targets)
         update = replace(update, patches=crops_needed(update.patches, share))
         with stopwatch.stage("update"):
-            if progress.crops.is_coarse and self.total - self.done - self.round_steps // 2 in span:
-                _calibrate_crops(session, targets)
             losses = update_steps(
                 progress.optimizer,
                 targets,
@@ -146,7 +137,7 @@ class Update:
                 update,
                 request.features,
                 request.generator,
-                progress.crops,
+                request.settings.execution,
             )
             for step, loss in enumerate(losses, start=self.done + self.first + 1):
                 progress.work.steps += 1

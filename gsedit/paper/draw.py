@@ -236,7 +236,7 @@ def _session(
     bands = request.scene.sh
     request, plan, weights = yield from survey_views(request, stopwatch, plan)
     unedited = UneditedRenders(request)
-    progress = start_progress(request, unedited, stopwatch, noise_seed)
+    progress = start_progress(request, stopwatch, noise_seed)
     editor, prepare = request.editor, request.editor.capabilities.with_views
     if prepare is not None:
         with stopwatch.stage("sample"):

@@ -12,7 +12,6 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from gsedit.capture.fitting.crops import ExactCrops, color_crops
 from gsedit.capture.fitting.optimizer import SceneOptimizer
 from gsedit.capture.fitting.random_crops import MIN_SHOWN_SHARE
 from gsedit.capture.fitting.update import Target, rates
@@ -46,8 +45,9 @@ class EditedViews:
     """Whether the region comes from the edited views, and changes with them."""
     ground_truth: GroundTruth | None = None
     """The map from unedited to truly edited pictures that the targets show, where it is known."""
-    fitted: dict[int, tuple[Region | None, Target]] = field(default_factory=dict)
-    """The targets as they were fitted last, with the region that limits their patches, if any."""
+    fitted: dict[int, tuple[tuple[View, Region | None], Target]] = field(default_factory=dict)
+    """The targets as they were fitted last, with the edited views and the region, if any, that they
+    are of."""
 
 
 @dataclass(eq=False)
@@ -74,8 +74,6 @@ class Progress:
 
     optimizer: SceneOptimizer
     """The optimizer, which holds the scene."""
-    crops: ExactCrops
-    """Renders crops of the optimizer's scene, for fitting."""
     stopwatch: Stopwatch
     noise_seed: int
     """Seed of the noise that all batches of views share."""
@@ -83,9 +81,7 @@ class Progress:
     work: Work = field(default_factory=Work)
 
 
-def start_progress(
-    request: Request, unedited: UneditedRenders, stopwatch: Stopwatch, noise_seed: int
-) -> Progress:
+def start_progress(request: Request, stopwatch: Stopwatch, noise_seed: int) -> Progress:
     """The progress of an edit whose optimizer is at the unedited scene."""
     settings, scene = request.settings, request.scene
     optimizer = SceneOptimizer(
@@ -93,16 +89,7 @@ def start_progress(
         rates(settings.geometry, bounds(scene).radius),
         compiled=is_compiled(settings.execution),
     )
-    return Progress(optimizer, _crops(request, unedited), stopwatch, noise_seed)
-
-
-def _crops(request: Request, unedited: UneditedRenders) -> ExactCrops:
-    """Crops from lists of what each pixel shows, or rendered where that is faster or needed."""
-    settings, scene = request.settings, request.scene
-    if settings.geometry == "full":
-        return ExactCrops(settings.execution)
-    is_coarse = request.coarse is not None
-    return color_crops(scene, unedited.color_at, settings.execution, is_coarse=is_coarse)
+    return Progress(optimizer, stopwatch, noise_seed)
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,6 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.capture.fitting.crops import CorrectedCrops
 from gsedit.errors import Said, UsageError
 from gsedit.paper.edit_views import find_ground_truth
 from gsedit.paper.session import Session, Work
@@ -21,7 +20,7 @@ from gsedit.run.stopwatch import Stopwatch
 from gsedit.select.region import Region, everything
 from gsedit.views.dataset import View
 
-FORMAT = 5
+FORMAT = 6
 """Version of an edit's state: raised when older states can no longer be restored."""
 
 
@@ -52,8 +51,6 @@ def session_state(session: Session, views: State | None = None) -> State:
     """Everything that changes during an edit, with the `views` as they are, or were before."""
     progress, views = session.progress, views or views_state(session)
     tensors = {f"optimizer.{name}": each for name, each in progress.optimizer.state().items()}
-    if isinstance(progress.crops, CorrectedCrops):
-        tensors |= {f"met.{name}": each for name, each in progress.crops.state().items()}
     return State(
         {
             "edit_format": FORMAT,
@@ -96,8 +93,6 @@ def restore(session: Session, state: State) -> None:
     progress, generator = session.progress, session.request.generator
     with restoring(state):
         progress.optimizer.load_state(state.within("optimizer"))
-        if isinstance(progress.crops, CorrectedCrops):
-            progress.crops.load_state(state.within("met"))
         generator.set_state(tensor_like(state.tensors, "generator", generator.get_state()))
         for name, default in asdict(Work()).items():
             value = state.record["work"][name]

@@ -42,13 +42,6 @@ class UneditedRenders:
         """The picture of view i, in [0, 1]."""
         return self.rendering(i).color.clamp(0, 1)
 
-    def color_at(self, camera: Camera) -> Float[Tensor, "h w 3"]:
-        """The colors that a camera sees, not clamped; kept only for cameras of the views."""
-        for i, view in enumerate(self.request.every_view):
-            if view.camera is camera:
-                return self.rendering(i).color
-        return self._render(camera).color
-
     def edit_camera(self, i: int) -> Camera:
         """View i's camera at the size at which it is edited, see `EditSettings.edit_size`."""
         return edit_camera(self.request.every_view[i].camera, self.request.settings.edit_size)
