@@ -20,7 +20,6 @@ from .core.exits import FAILED, OK, USAGE, Interrupted, explain, one_line
 from .verbs.app import app as app_verb
 from .verbs.bench import bench, bench_
 from .verbs.capture import capture
-from .verbs.doctor import doctor
 from .verbs.edit import edit
 from .verbs.fit import fit
 from .verbs.list import list_
@@ -43,7 +42,7 @@ PANELS = {
     "Make a scene from photos": (capture, fit),
     "Look and measure": (info, select, view, render, mesh, measure, diff, metrics),
     CHANGING: (convert, filter_, clean, decimate, merge, transform, align, recolor),
-    "Help": (list_, doctor, mcp, bench_),
+    "Help": (list_, mcp, bench_),
 }
 """The verbs under their headings in `gsedit --help`."""
 COMPLETION = "_GSEDIT_COMPLETE"

@@ -5,12 +5,13 @@ from dataclasses import replace
 import pytest
 import tiny_edits
 import torch
+from small_scenes import scenes
 from three_scenes import Swapped
 from tiny_edits import painted, seen
 
 import gsedit
 from gsedit import Checkpoint, Dataset, EditResult, EditSettings, Event
-from gsedit.bench.synthetic import ring_cameras, scenes, surface_gaussians
+from gsedit.bench.synthetic import ring_cameras, surface_gaussians
 from gsedit.capture.fitting.settings import UpdateSettings
 from gsedit.errors import UsageError
 from gsedit.paper.diffusion.settings import SamplerSettings

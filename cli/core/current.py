@@ -4,13 +4,9 @@ from __future__ import annotations
 
 from contextvars import ContextVar
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from gsedit.errors import UsageError
-
-if TYPE_CHECKING:
-    import numpy as np
-    from jaxtyping import Float
 
 current_scene: ContextVar[Path | None] = ContextVar("current_scene", default=None)
 """SCENE of the command that runs, for options that need the cameras beside it; None once an
@@ -18,29 +14,23 @@ operation has moved the scene away from them."""
 
 
 def with_saved_regions(values: dict[str, Any]) -> dict[str, Any]:
-    """Return the values of a verb's options with names of saved selections as what they stand for.
+    """Return the values of a verb's options, a saved selection's name in --region as its file.
 
-    In --region and --cage that is the path of the file, in --handle and --hold the middle of what
-    is selected. Raises UsageError for a region that is neither a region nor a saved name, where
-    there are names; InputError for a name saved for other Gaussians.
+    Raises UsageError for a text that is neither a region nor a saved name, where there are names;
+    InputError for a name saved for other Gaussians.
     """
-    scene = current_scene.get()
-    if scene is None:
+    scene, text = current_scene.get(), values.get("region")
+    if scene is None or not isinstance(text, str):
         return values
     from gsedit.select.saved import read_named, saved_file
 
-    told = dict(values)
-    for option in ("region", "cage"):
-        text = values.get(option)
-        if isinstance(text, str) and (file := saved_file(scene, text)):
-            read_named(file, means_of(scene))
-            told[option] = str(file)
-        elif isinstance(text, str) and option == "region":
-            check_region(text, scene)
-    for option, commas in (("handle", 2), ("hold", 0)):
-        if texts := values.get(option):
-            told[option] = [with_middle(text, commas, scene) for text in texts]
-    return told
+    if (file := saved_file(scene, text)) is None:
+        check_region(text, scene)
+        return values
+    from gsedit.formats.scenes import load  # which loads torch
+
+    read_named(file, load(scene, drop_invalid=True).means.numpy())
+    return {**values, "region": str(file)}
 
 
 def check_region(text: str, scene: Path) -> None:
@@ -54,28 +44,3 @@ def check_region(text: str, scene: Path) -> None:
         if names := saved_names(scene):
             raise UsageError(f"{error}; or a name saved for {scene}: {', '.join(names)}") from None
         raise
-
-
-def with_middle(text: str, commas: int, scene: Path) -> str:
-    """Return a handle with the middle of what is selected for a saved name, which stands before a
-    part with so many commas."""
-    from gsedit.select.saved import read_named, saved_file
-
-    name, _, rest = text.partition(":")
-    is_named = rest.partition(":")[0].count(",") == commas
-    file = saved_file(scene, name) if is_named else None
-    if file is None:
-        return text
-    means = means_of(scene)
-    inside = read_named(file, means)
-    if not inside.any():
-        raise UsageError(f"{file} selects nothing: no handle can be there")
-    x, y, z = means[inside].astype(float).mean(0)
-    return ":".join([f"{x},{y},{z}", *([rest] if rest else [])])
-
-
-def means_of(scene: Path) -> Float[np.ndarray, "n 3"]:
-    """Return the centers of a scene file's Gaussians, without invalid rows."""
-    from gsedit.formats.scenes import load
-
-    return load(scene, drop_invalid=True).means.numpy()

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
-
-import typer
 
 from gsedit.errors import UsageError
 
@@ -56,11 +53,7 @@ class EditorOptions:
     keep_colors: bool = option(False)
     """painter: keep the colors of the scene, and paint its brightness alone."""
     model: str | None = option()
-    """pix2pix, diffusers: a folder of weights, or a Hugging Face id."""
-    weights_dir: Path | None = option(flags=None)
-    """pix2pix, diffusers: folder where downloaded weights are kept."""
-    yes: bool = option(False)
-    """pix2pix, diffusers: download what --model names without being asked."""
+    """pix2pix, diffusers: a folder of weights, or a Hugging Face id in the local cache."""
     runtime: str | None = option(None, "torch|openvino|auto")
     """pix2pix, diffusers: who computes the networks. auto: openvino where it is installed, measured
     faster, and as exact; its networks are kept in the cache folder. None: auto."""
@@ -97,24 +90,15 @@ class EditorOptions:
             strength=self.strength,
             keep_colors=self.keep_colors or None,
             model=self.model,
-            weights_dir=self.weights_dir,
             runtime=self.runtime,
             run=self.run,
             timeout=self.timeout,
             folder=out / "command",
-            yes=self.yes or agreed,
             precision=precision,
         )
         if instruction is not None:
             editor.check(instruction)
         return editor
-
-
-def agreed(offer: str) -> bool:
-    """Ask on the terminal whether to download; no where there is none."""
-    if not (sys.stdin.isatty() and sys.stderr.isatty()):
-        return False
-    return typer.confirm(f"{offer}. Download it?", err=True)
 
 
 def at_size(settings: EditSettings, editor: Editor, size: int | None) -> EditSettings:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable
 from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -110,7 +110,7 @@ class EditCommand:
 
     def kept(self) -> dict[str, Any]:
         """Return the part of the request that a checkpoint keeps beside the library's."""
-        return {"editor": replace(self.editor.settled(), yes=False), "features": self.own.features}
+        return {"editor": self.editor.settled(), "features": self.own.features}
 
     def load(self) -> Gaussians:
         """Load the scene, with a line for each note on its file."""

@@ -41,7 +41,7 @@ SHORTER = {"fit": ["--steps", "150", "--minutes", "60", "--force"]}
 seconds differs between two runs."""
 SKIPPED = (
     (r"(?!gsedit )", "not gsedit"),
-    (r"gsedit (app|mcp|doctor)\b", "a server, or about this machine"),
+    (r"gsedit (app|mcp)\b", "a server, or about this machine"),
     (r"gsedit make\b", "longer than the limit"),
     (r"gsedit view (?!.* -o )", "needs a browser"),
     (r".*(https?://|--masks )", "needs a server, or weights"),

@@ -27,7 +27,7 @@ from rasterizer import compiled
 VERBS = (
     "app", "edit", "make", "capture", "fit", "info", "select", "view", "render", "mesh",
     "measure", "diff", "metrics", "convert", "filter", "clean", "decimate", "merge", "transform",
-    "align", "recolor", "list", "doctor", "mcp",
+    "align", "recolor", "list", "mcp",
 )  # fmt: skip
 HEAVY = {
     "jaxtyping", "kornia", "matplotlib", "numpy", "open3d", "pi_heif", "PIL", "pycolmap", "pyvista",

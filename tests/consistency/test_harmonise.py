@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 import torch
+from small_scenes import scenes
 
-from gsedit.bench.synthetic import ring_cameras, scenes
+from gsedit.bench.synthetic import ring_cameras
 from gsedit.errors import UsageError
 from gsedit.paper.consistency.correspond import Correspondences, correspond
 from gsedit.paper.consistency.harmonise import cell_means, harmonise, robust_mean

@@ -3,8 +3,8 @@
 from dataclasses import replace
 
 import pytest
+from small_scenes import globe
 
-from gsedit.bench.synthetic.gallery import globe
 from gsedit.bench.synthetic.splats import ring_cameras
 from gsedit.errors import UsageError
 from gsedit.views.viewpoints import Viewpoint, same_size, view_named

@@ -91,7 +91,7 @@ def test_ours_are_listed_with_what_they_need():
     assert ours["closed-form"].ready
     assert not ours["closed-form"].options
     for name in ("pix2pix", "diffusers"):
-        assert ours[name].options == ("--model", "--yes", "--runtime")
+        assert ours[name].options == ("--model", "--runtime")
     assert "black-forest-labs/FLUX.2-klein-4B" in ours["diffusers"].needs[-1]
     assert ours["command"].options == ("--run",)
     assert "{input} {output} {prompt}" in ours["command"].needs[0]

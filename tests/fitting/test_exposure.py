@@ -5,9 +5,9 @@ from dataclasses import replace
 import pytest
 import torch
 from research.fit import captures
+from small_scenes import globe
 
 from gsedit import FitSettings, View, fit
-from gsedit.bench.synthetic.gallery import globe
 from gsedit.capture.fitting.exposure import Exposures
 from rasterizer import look_at
 

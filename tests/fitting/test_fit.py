@@ -7,9 +7,10 @@ from dataclasses import replace
 import pytest
 import torch
 from point_clouds import ball
+from small_scenes import scenes, traced_dataset
 
 from gsedit import Checkpoint, Dataset, Event, FitSettings, fit, fit_steps
-from gsedit.bench.synthetic import ring_cameras, scenes, traced_dataset
+from gsedit.bench.synthetic import ring_cameras
 from gsedit.capture.fitting.budget import LEAST_STEPS
 from gsedit.capture.fitting.densify import densify, faded, without_floaters
 from gsedit.capture.fitting.fit import evaluate

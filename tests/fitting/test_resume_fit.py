@@ -6,9 +6,10 @@ from dataclasses import replace
 
 import pytest
 import torch
+from small_scenes import scenes, traced_dataset
 
 from gsedit import Checkpoint, Event, FitSettings, fit_steps
-from gsedit.bench.synthetic import ring_cameras, scenes, traced_dataset
+from gsedit.bench.synthetic import ring_cameras
 from gsedit.errors import InputError, UsageError
 from gsedit.run.state import load_state, save_state
 

@@ -8,9 +8,10 @@ from itertools import count
 import pytest
 import torch
 from point_clouds import ball
+from small_scenes import scenes, traced_dataset
 
 from gsedit import Event, FitSettings, fit_steps
-from gsedit.bench.synthetic import ring_cameras, scenes, traced_dataset
+from gsedit.bench.synthetic import ring_cameras
 from gsedit.capture.fitting.optimizer import LEAST_WIDTH, LENGTH_A_PIXEL, hold_shapes
 from gsedit.scene.framing import finest_pixels
 

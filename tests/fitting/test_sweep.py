@@ -7,8 +7,9 @@ from dataclasses import replace
 import pytest
 import torch
 from scipy.spatial import KDTree
+from small_scenes import scenes, traced_dataset
 
-from gsedit.bench.synthetic import ring_cameras, scenes, traced_dataset
+from gsedit.bench.synthetic import ring_cameras
 from gsedit.capture.fitting.initial import initial_scene, swept_points
 
 

@@ -10,9 +10,10 @@ from functools import cache
 
 import pytest
 import torch
+from small_scenes import traced_dataset
 
 from gsedit import FitSettings, fit
-from gsedit.bench.synthetic import demo_scene, ring_cameras, surface_gaussians, traced_dataset
+from gsedit.bench.synthetic import demo_scene, ring_cameras, surface_gaussians
 from gsedit.capture.fitting.optimizer import SceneOptimizer
 from gsedit.capture.fitting.settings import UpdateSettings
 from gsedit.capture.fitting.update import Target, rates, update_steps

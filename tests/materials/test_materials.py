@@ -9,8 +9,9 @@ import torch
 from bench.reflective import Finish, LitSolid, captured, garden, plain_base
 from changes import Known, changed_by, painted
 from plain_scenes import needles, same_bits
+from small_scenes import scenes
 
-from gsedit.bench.synthetic import ring_cameras, scenes
+from gsedit.bench.synthetic import ring_cameras
 from gsedit.change.materials.apply import Relief, displayed, engraved, in_material
 from gsedit.change.materials.shading import Ground, environment_brdf, grain, share_of
 from gsedit.change.materials.table import MATERIALS, Layer, Material, PatternName, material_of

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 import torch
 from command_line import gsedit
+from small_scenes import scenes
 
 from gsedit import load, save
-from gsedit.bench.synthetic import ring_cameras, scenes, surface_gaussians
+from gsedit.bench.synthetic import ring_cameras, surface_gaussians
 from gsedit.errors import UsageError
 from gsedit.mesh import Mesh, mesh, save_mesh
 from gsedit.scene.similarity import moved_camera

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import pytest
 import torch
+from small_scenes import globe
 
-from gsedit.bench.synthetic.gallery import globe
 from gsedit.bench.synthetic.splats import surface_gaussians
 from gsedit.change.objects import Placement, grow, insert, place, remove
 from gsedit.errors import UsageError

@@ -5,8 +5,9 @@ from functools import cache
 
 import pytest
 import torch
+from small_scenes import scenes
 
-from gsedit.bench.synthetic import ring_cameras, scenes, surface_gaussians
+from gsedit.bench.synthetic import ring_cameras, surface_gaussians
 from gsedit.paper.consistency.correspond import match
 from rasterizer import render
 

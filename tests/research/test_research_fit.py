@@ -7,9 +7,9 @@ import pytest
 import torch
 from research.fit import captures, run
 from research.fit.gsplat_recipe import GsplatSettings, gsplat_fit
+from small_scenes import globe
 
 from gsedit import FitSettings, load_dataset
-from gsedit.bench.synthetic.gallery import globe
 
 SIZE, VIEWS, POINTS = 32, 9, 200
 

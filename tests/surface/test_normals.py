@@ -5,8 +5,9 @@ from dataclasses import replace
 import pytest
 import torch
 from plain_scenes import needles
+from small_scenes import scenes
 
-from gsedit.bench.synthetic import ring_cameras, scenes, surface_gaussians
+from gsedit.bench.synthetic import ring_cameras, surface_gaussians
 from gsedit.bench.synthetic.shapes import gradient
 from gsedit.scene.similarity import moved_camera
 from gsedit.toolkit.transform import rotate_axis, transform, translate

@@ -6,12 +6,12 @@ import math
 
 import pytest
 import torch
+from small_scenes import scenes
 
 from gsedit.bench.synthetic import (
     SyntheticScene,
     demo_scene,
     ring_cameras,
-    scenes,
     surface_gaussians,
     surface_points,
 )

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import torch
+from small_scenes import globe
 
 from gsedit import orbit
 from gsedit.bench.synthetic import surface_gaussians
-from gsedit.bench.synthetic.gallery import globe
 from gsedit.errors import InputError
 from gsedit.scene.morton import morton_codes
 from gsedit.scene.table import SplatTable, concatenate_tables, gaussians_of, table_of

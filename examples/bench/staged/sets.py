@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import torch
 
+from bench.staged.daylight import Daylight
 from bench.staged.stage import Rig, Stage
 from bench.staged.thing import Thing
-from gsedit.bench.synthetic.daylight import Daylight
 from gsedit.bench.synthetic.paint import (
     Paint,
     Pattern,

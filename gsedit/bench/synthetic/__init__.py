@@ -1,12 +1,11 @@
 """Small scenes with exact pictures, depth, correspondences and edited ground truth."""
 
-from gsedit.bench.synthetic.gallery import demo_scene, scenes
+from gsedit.bench.synthetic.gallery import demo_scene
 from gsedit.bench.synthetic.scene import SyntheticScene, Traced, first_hit
 from gsedit.bench.synthetic.splats import (
     ring_cameras,
     surface_gaussians,
     surface_points,
-    traced_dataset,
 )
 
 __all__ = [
@@ -15,8 +14,6 @@ __all__ = [
     "demo_scene",
     "first_hit",
     "ring_cameras",
-    "scenes",
     "surface_gaussians",
     "surface_points",
-    "traced_dataset",
 ]

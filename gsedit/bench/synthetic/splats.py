@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from math import log, pi, sqrt
 
 import numpy as np
@@ -16,7 +15,6 @@ from torch import Tensor
 
 from gsedit.bench.synthetic.scene import SyntheticScene
 from gsedit.bench.synthetic.shapes import Sdf, gradient
-from gsedit.views.dataset import Dataset, View
 from gsedit.views.orbit import circle, perpendicular
 from rasterizer.camera import Camera
 from rasterizer.numerics import color_to_sh
@@ -168,19 +166,3 @@ def ring_cameras(
     return circle(
         center, scene.radius, up, count, size, elevation=elevation, fov=fov, start=start, east=east
     )
-
-
-def traced_dataset(
-    scene: SyntheticScene,
-    cameras: Sequence[Camera],
-    supersample: int = 2,
-    points: int = 4000,
-    seed: int = 0,
-) -> Dataset:
-    """Traced photos, float32, and sparse surface points with their colors: a perfect capture."""
-    views = tuple(
-        View(f"{scene.name}_{i:03d}", camera, scene.trace(camera, supersample).image.float())
-        for i, camera in enumerate(cameras)
-    )
-    sparse = surface_points(scene, points, torch.Generator().manual_seed(seed))
-    return Dataset(views, sparse.float(), scene.albedo(sparse).float())

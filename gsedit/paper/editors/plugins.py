@@ -18,9 +18,9 @@ from gsedit.errors import GseditError, UsageError
 
 Factory = Callable[..., Any]
 Missing = Callable[[], Iterable[str]]
-OFFERED = ("folder", "precision", "yes")
+OFFERED = ("folder", "precision")
 """Options that are offered to every plugin, and taken by those that have them."""
-UNLISTED = ("folder", "precision", "weights_dir", "timeout")
+UNLISTED = ("folder", "precision", "timeout")
 """Options that other parts of the command line give, or `--set` alone."""
 
 

@@ -1,7 +1,7 @@
 """2D editors and mask providers by name, those of this package and of others.
 
 A package adds one by an entry point (`plugins` in this folder): of the group `gsedit.editors` a
-callable that makes an Editor, whose options may be `model`, `weights_dir`, `runtime`, `run`,
+callable that makes an Editor, whose options may be `model`, `runtime`, `run`,
 `timeout` and `folder`, and whose attribute `capabilities` (gsedit.paper.editors.Capabilities)
 declares everything optional; of the group `gsedit.masks` one that makes a MaskProvider, whose
 options may be `run`, `model` and `sam`. `examples/write_an_editor.py` shows an editor. Listing
@@ -23,7 +23,6 @@ from gsedit.paper.editors.plugins import Listing, Plugins
 
 if TYPE_CHECKING:
     from gsedit.paper.diffusion.settings import Precision
-    from gsedit.paper.models.hub import Consent
     from gsedit.paper.protocol import Editor
     from gsedit.select.masked import MaskProvider
 
@@ -51,9 +50,7 @@ def _closed_form() -> Editor:
 
 def _diffusers(
     model: str | Path | None = None,
-    weights_dir: str | Path | None = None,
     precision: Precision = "auto",
-    yes: Consent = False,
     runtime: str = "auto",
 ) -> Editor:
     """2D editing models in diffusers' layout, a folder or hub id: any sentence."""
@@ -64,7 +61,7 @@ def _diffusers(
     if model is None:
         raise UsageError(f"the diffusers editor needs a model: add {_models()}")
     run = make_runtime(runtime)
-    loaded = load_model(model, weights_dir=weights_dir, precision=precision, yes=yes)
+    loaded = load_model(model, precision=precision)
     return DiffusionEditor(replace(loaded, run=run))
 
 
@@ -101,12 +98,9 @@ def _pix2pix_missing() -> Iterable[str]:
 
     yield from _libraries_missing()
     try:
-        hub.require(hub.inspect(place := hub.find(hub.DEFAULT, offline=True)), place)
+        hub.require(hub.inspect(hub.find(hub.DEFAULT)))
     except GseditError:
-        yield (
-            "weights: add --model FOLDER_OR_ID, or let the first use download "
-            f"{hub.DEFAULT} with --yes; {hub.download_advice(hub.DEFAULT)}"
-        )
+        yield f"weights: add --model FOLDER_OR_ID; {hub.download_advice(hub.DEFAULT)}"
 
 
 def _command(
@@ -189,7 +183,7 @@ MASKS = Plugins(
 def make_editor(name: str = DEFAULT, **options: Any) -> Editor:
     """The editor of that name; `options` that are None are as if they were not given.
 
-    `model`, `weights_dir`, `precision`, `yes` and `runtime` are for pix2pix and diffusers (see
+    `model`, `precision` and `runtime` are for pix2pix and diffusers (see
     load_model, make_runtime), `run`, `timeout` (seconds) and `folder` for command (see Command).
     Raises UsageError for a name or an option that there is not, GseditError where a third party's
     editor cannot be made.

@@ -1,13 +1,10 @@
-"""Models of diffusers on this machine and on the hub: which are edited with, where they lie, and
-whether their files are whole. Loads no torch."""
+"""Models of diffusers on this machine: which are edited with, where they lie, and whether their
+files are whole. Loads no torch."""
 
 from __future__ import annotations
 
-import fnmatch
-import json
 import re
-import shutil
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from importlib.util import find_spec
 from math import prod
@@ -26,15 +23,12 @@ NO_PICKLE = "a pickle runs whatever code is in it when it is opened, so gsedit o
 AGAIN = "download it again"
 HUB_ID = re.compile(r"([\w.-]+/[\w.-]+)(?:@([\w./-]+))?")
 """A model's name, and a branch, tag or commit of it."""
-Consent = bool | Callable[[str], bool]
-"""Whether a download is agreed to, or what asks, given a sentence with its size and licence."""
 
 
 @dataclass(frozen=True)
 class Family:
     """Models of one architecture, which one module loads."""
 
-    title: str
     module: str
     """The module here whose `load(parts, micro_batch=...)` makes the Model."""
     networks: tuple[str, ...]
@@ -48,15 +42,15 @@ class Family:
 
 
 SD = Family(
-    "InstructPix2Pix of Stable Diffusion 1.5", "stable_diffusion",
+    "stable_diffusion",
     ("unet", "vae", "text_encoder"), ("tokenizer", "scheduler"), "timbrooks/instruct-pix2pix", 4.3,
 )  # fmt: skip
 SDXL = Family(
-    "InstructPix2Pix of SDXL", "stable_diffusion", (*SD.networks, "text_encoder_2"),
+    "stable_diffusion", (*SD.networks, "text_encoder_2"),
     (*SD.others, "tokenizer_2"), "diffusers/sdxl-instructpix2pix-768", 12.3,
 )  # fmt: skip
 KLEIN = Family(
-    "FLUX.2-klein", "klein", ("transformer", *SD.networks[1:]),
+    "klein", ("transformer", *SD.networks[1:]),
     SD.others, "black-forest-labs/FLUX.2-klein-4B", 16.0,
 )  # fmt: skip
 PIPELINES = {
@@ -123,12 +117,10 @@ def inspect(folder: Path) -> tuple[Part, ...]:
     return tuple(_part(folder / name, family) for name in (*family.networks, *family.others))
 
 
-def require(parts: Iterable[Part], folder: Path) -> None:
-    """Raise InputError with the first problem of these parts of a folder."""
-    problems = [part.problem for part in parts if part.problem]
-    if problems:
-        more = f" (and {len(problems) - 1} more: gsedit doctor {folder} lists them)"
-        raise InputError(problems[0] + more * (len(problems) > 1))
+def require(parts: Iterable[Part]) -> None:
+    """Raise InputError with the problems of these parts of a model."""
+    if problems := [part.problem for part in parts if part.problem]:
+        raise InputError("; ".join(problems))
 
 
 def _part(place: Path, family: Family) -> Part:
@@ -182,97 +174,24 @@ def stored_in(file: Path) -> dict[str, tuple[int, str]]:
 # ---- where a model is ----------------------------------------------------------------------------
 
 
-def find(
-    model: str,
-    weights_dir: str | Path | None = None,
-    *,
-    offline: bool = False,
-    yes: Consent = False,
-) -> Path:
-    """The folder that holds the model, whole or not.
+def find(model: str) -> Path:
+    """The folder that holds the model, whole or not: `model` as a path, or in the hub's cache.
 
-    In order: `model` as a path, in `weights_dir`, in the hub's cache if it is whole there, on the
-    hub; with `offline` the hub is not asked, and what the cache holds is taken as it is. Raises
-    InputError for a model that is nowhere or of another kind, UsageError for a download without
-    agreement.
+    Nothing is downloaded. Raises InputError for a model that is in neither place, with the command
+    that fetches it.
     """
-    places = [Path(model).expanduser()]
-    if weights_dir is not None:
-        places += [Path(weights_dir).expanduser() / name for name in (model, Path(model).name)]
-    for place in places:
-        if place.exists():
-            return place
-    looked = " and ".join(map(str, places))
+    if (place := Path(model).expanduser()).exists():
+        return place
     if not HUB_ID.fullmatch(model):
         raise InputError(
-            f"{model}: no such model folder (looked for {looked}), and no hub id (like owner/name "
-            "or owner/name@revision) either"
+            f"{model}: no such model folder, and no hub id (like owner/name or "
+            "owner/name@revision) either"
         )
     if find_spec("huggingface_hub") is None:
         raise UsageError("a hub id needs huggingface_hub: pip install 'gsedit[diffusers]'")
-    here = cached(model, INDEX)
-    if here is not None and (offline or not any(part.problem for part in inspect(here))):
+    if (here := cached(model, INDEX)) is not None:
         return here
-    try:
-        if offline:
-            raise ConnectionError("the hub is not asked")
-        return _downloaded(model, yes)
-    except (InputError, UsageError):
-        raise
-    except Exception as error:  # network, disk and cache errors have no common base
-        raise InputError(
-            f"{model} is not on this machine (looked for {looked} and in the hub's cache) and "
-            f"could not be downloaded ({_reason(error)}); {download_advice(model)}"
-        ) from error
-
-
-def _downloaded(model: str, yes: Consent) -> Path:
-    """The folder that a download makes. Raises UsageError without agreement or room for it,
-    InputError for a model of another kind, and what the hub's library raises."""
-    from huggingface_hub import HfApi, constants, hf_hub_download, snapshot_download
-
-    named = _named(model)
-    info = HfApi().model_info(**named, files_metadata=True)
-    sizes = {each.rfilename: each.size or 0 for each in info.siblings or ()}
-    if INDEX not in sizes:
-        raise InputError(f"{model} has no {INDEX}: it is no model in diffusers' layout")
-    family = family_of(
-        json.loads(Path(hf_hub_download(**named, filename=INDEX)).read_text()), model
-    )
-    files = [INDEX, *_wanted(model, family, sizes)]
-    size, licence = sum(sizes[name] for name in files), (info.card_data or {}).get("license")
-    offer = (
-        f"{model} ({family.title}) is not on this machine: {size / 1e9:,.1f} GB in {len(files)} "
-        f"files, licence {licence or 'not stated'}"
-    )
-    cache = Path(constants.HF_HUB_CACHE)
-    free = shutil.disk_usage(next(each for each in (cache, *cache.parents) if each.exists())).free
-    if size > free:
-        raise UsageError(
-            f"{offer}; {free / 1e9:,.1f} GB are free in {cache}: make room, or name a folder on "
-            "another disk as HF_HOME"
-        )
-    if not (yes(offer) if callable(yes) else yes):
-        raise UsageError(f"{offer}: add --yes to download it, or --model FOLDER with other weights")
-    return Path(snapshot_download(**named, allow_patterns=files))
-
-
-def _wanted(model: str, family: Family, names: Iterable[str]) -> list[str]:
-    """The files of a model that are used: one precision, no pickles. Raises InputError where a
-    network has none."""
-    wanted = []
-    for part in (*family.networks, *family.others):
-        own = [name for name in names if name.rpartition("/")[0] == part]
-        weights = [name for name in own if fnmatch.fnmatch(name, f"{part}/*model*.safetensors")]
-        half = [name for name in weights if ".fp16" in name]
-        full = [name for name in weights if name not in half and ".non_ema" not in name]
-        if part in family.networks and not (full or half):
-            raise InputError(
-                f"{model}/{part} has no weights as safetensors ({NO_PICKLE}): choose another "
-                f"model, such as --model {family.example}"
-            )
-        wanted += [name for name in own if name.endswith(TEXTS)] + (full or half)
-    return wanted
+    raise InputError(f"{model} is not on this machine; {download_advice(model)}")
 
 
 def cached(model: str, name: str) -> Path | None:
@@ -281,18 +200,13 @@ def cached(model: str, name: str) -> Path | None:
 
     if not HUB_ID.fullmatch(model):
         return None
-    found = try_to_load_from_cache(**_named(model), filename=name)
+    repository, _, revision = model.partition("@")
+    found = try_to_load_from_cache(repository, name, revision=revision or None)
     return Path(found).parents[name.count("/")] if isinstance(found, str) else None
 
 
-def _named(model: str) -> dict[str, Any]:
-    """The name and the revision of a hub id, as its library's functions take them."""
-    name, _, revision = model.partition("@")
-    return {"repo_id": name, "revision": revision or None}
-
-
 def download_advice(model: str) -> str:
-    """How to bring a model of the hub to a machine without a network."""
+    """How to fetch a model of the hub."""
     name, _, revision = model.partition("@")
     of = f" --revision {revision}" if revision else ""
     patterns = [f"--include '{each}'" for each in (INDEX, *(f"*/*{end}" for end in USED))]
@@ -301,13 +215,3 @@ def download_advice(model: str) -> str:
         f"where there is a network, run: hf download {name}{of} --local-dir FOLDER "
         f"{' '.join(patterns)}; then bring FOLDER here and add --model FOLDER"
     )
-
-
-def _reason(error: Exception) -> str:
-    """The most telling words of a network error."""
-    name = type(error).__name__
-    if "Offline" in name or "LocalEntry" in name:
-        return "no network, or HF_HUB_OFFLINE is set"
-    if "RepositoryNotFound" in name or "GatedRepo" in name:
-        return "the hub knows no such model, or it needs a login (hf auth login)"
-    return str(error).strip().partition("\n")[0] or name

@@ -16,7 +16,6 @@ from gsedit.paper.diffusion.memory import GB, SHARE, free_bytes
 from gsedit.paper.diffusion.settings import Precision
 from gsedit.paper.models.hub import (
     INDEX,
-    Consent,
     Family,
     Part,
     family_of,
@@ -34,18 +33,16 @@ DTYPES = {"F32": torch.float32, "F16": torch.float16, "BF16": torch.bfloat16}
 def load_model(
     model: str | Path,
     *,
-    weights_dir: str | Path | None = None,
     micro_batch: int = 1,
     precision: Precision = "auto",
-    yes: Consent = False,
 ) -> Model:
-    """The model of a folder or hub id, looked for on this machine before the hub is asked.
+    """The model of a folder, or of a hub id in the hub's cache.
 
-    Only safetensors are read, and no code that comes with a model is run. `yes` agrees to a
-    download, or is asked with its size and licence. Raises UsageError without diffusers, agreement,
-    or memory, InputError for a model that is missing, incomplete, a pickle or of another kind.
+    Only safetensors are read, and no code that comes with a model is run. Raises UsageError without
+    diffusers or memory, InputError for a model that is missing, incomplete, a pickle or of another
+    kind.
     """
-    place = find(str(model), weights_dir, yes=yes)
+    place = find(str(model))
     try:
         for library in ("accelerate", "diffusers", "transformers"):
             import_module(library)
@@ -75,7 +72,7 @@ class Parts:
     def of(cls, folder: Path, precision: Precision = "auto") -> Parts:
         """The parts of a folder that is whole."""
         held = inspect(folder)
-        require(held, folder)
+        require(held)
         index = settings_in(folder / INDEX)
         parts = {part.name: part for part in held}
         made = cls(folder, index, family_of(index, folder), parts, precision)

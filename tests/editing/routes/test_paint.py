@@ -5,8 +5,9 @@ import pytest
 import torch
 from bench.reflective import Finish, LitSolid, captured, garden, plain_base
 from changes import painted
+from small_scenes import scenes
 
-from gsedit.bench.synthetic import ring_cameras, scenes
+from gsedit.bench.synthetic import ring_cameras
 from gsedit.errors import UsageError
 from gsedit.scene.color_space import lab_of_srgb, srgb_of_hex
 from gsedit.scene.picture import render_picture

@@ -12,12 +12,11 @@ import diffusers
 import pytest
 import torch
 import transformers
-from gsedit_cli.main import app
 from safetensors.torch import load_file, save_file
-from typer.testing import CliRunner
 
 from gsedit.errors import InputError, UsageError
 from gsedit.paper.models import loading
+from gsedit.paper.models.hub import find, inspect
 from gsedit.paper.models.loading import Parts, load_model
 
 pytestmark = pytest.mark.usefixtures("offline")
@@ -152,12 +151,16 @@ def test_what_is_wrong_is_found_without_loading(copy, how, message):
     with pytest.raises(InputError, match=message) as caught:
         load_model(copy)
     assert "\n" not in str(caught.value)
-    result = CliRunner().invoke(app, ["doctor", str(copy), "--json"])
-    assert result.exit_code == 3
-    record = json.loads(result.stdout)
-    assert not record["complete"]
-    (part,) = (part["name"] for part in record["parts"] if part["problem"])
+    (part,) = (part.name for part in inspect(copy) if part.problem)
     assert part == {"config": "vae", "no config": "vae", "folder": "tokenizer"}.get(how, "unet")
+
+
+def test_a_model_that_is_nowhere_comes_with_the_command_that_fetches_it(monkeypatch, tmp_path):
+    monkeypatch.setattr("huggingface_hub.constants.HF_HUB_CACHE", str(tmp_path))
+    with pytest.raises(InputError, match=r"hf download owner/name --revision main .*FOLDER"):
+        find("owner/name@main")
+    with pytest.raises(InputError, match="no such model folder, and no hub id"):
+        find("nowhere at all")
 
 
 @pytest.mark.parametrize(
