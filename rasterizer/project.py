@@ -74,8 +74,7 @@ def near_plane(camera: Camera, numerics: Numerics) -> float:
 
 def slope_limits(camera: Camera, numerics: Numerics) -> tuple[float, float, float, float]:
     """Bounds (low x, high x, low y, high y) of x/z and y/z at which the Jacobian is taken: the
-    picture plus a margin, as gsplat has it.
-    """
+    picture plus a margin, as gsplat has it."""
     mx, my = numerics.margin * camera.width / 2, numerics.margin * camera.height / 2
     return (
         (-camera.cx - mx) / camera.fx,
@@ -210,8 +209,7 @@ def _whiten(
     numerics: Numerics,
 ) -> Projected:
     """From the second moments xx, xy, yy on the picture, and their determinant over the blurred
-    xx; all else unblurred.
-    """
+    xx; all else unblurred."""
     s1, xy, s2, sharp = moments
     xx, yy = s1 + numerics.blur, s2 + numerics.blur
     conditional = sharp + numerics.blur * (1 + s2 / xx)  # the blurred determinant over xx

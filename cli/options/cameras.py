@@ -70,8 +70,7 @@ class ViewOptions(Placing):
 
     def check(self) -> None:
         """Raise UsageError for a name that is no axis, a text that is no point, or points beside
-        photos: before a large file is read.
-        """
+        photos: before a large file is read."""
         self.wish()
         if self.data is not None and (self.look_at or self.eye):
             raise UsageError("--look-at and --from place cameras: leave out --data")
@@ -182,8 +181,7 @@ class ResolvedCameras:
 
     def named(self, indices: Sequence[int]) -> dict[str, Camera]:
         """Cameras by the names of their pictures, of the view's number and its photo's name.
-        Raises UsageError for a number that there is not.
-        """
+        Raises UsageError for a number that there is not."""
         cameras = {}
         for index in indices:
             if not 0 <= index < len(self.viewpoints):

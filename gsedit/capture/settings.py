@@ -93,8 +93,7 @@ def ranked(common: Sequence[Sequence[int]]) -> list[Pair]:
 def choose(common: Sequence[Sequence[int]], forests: int = FORESTS) -> set[Pair]:
     """The pairs of the best spanning forest (the most features in common), of the best of the pairs
     that are left, and so on: where any photo or group of them leads to others, it does `forests`
-    times. The number of pairs grows as the photos do.
-    """
+    times. The number of pairs grows as the photos do."""
     parents = [list(range(len(common))) for _ in range(forests)]
     chosen = set()
     for i, j in ranked(common):

@@ -132,8 +132,7 @@ Colors: TypeAlias = Callable[[Any, np.ndarray, np.ndarray], np.ndarray]
 
 def open_source(path: Path, options: ReadOptions) -> SceneSource:
     """Read a mesh or a point cloud, and sample it: `options.samples` Gaussians for the surfaces,
-    one for each point. Raises InputError for a file that trimesh cannot read, or without either.
-    """
+    one for each point. Raises InputError for a file that trimesh cannot read, or without either."""
     parts = list(geometries(path))
     surfaces = [p for p in parts if len(getattr(p, "faces", ())) and p.area > 0]
     clouds = [p for p in parts if not hasattr(p, "faces") and len(getattr(p, "vertices", ()))]

@@ -28,8 +28,7 @@ def open_source(path: Path, options: ReadOptions) -> SceneSource:
 
 def write(path: Path, header: SceneHeader, blocks: Blocks) -> int:
     """Write the rows in their order; the number of rows. Viewers sort by depth themselves; those
-    that draw while they load show first what comes first.
-    """
+    that draw while they load show first what comes first."""
     count = 0
     with path.open("wb") as handle:
         for block in blocks:

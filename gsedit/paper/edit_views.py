@@ -295,8 +295,7 @@ def batch_of(
 
 def _subject(session: Session, cameras: Sequence[Camera]) -> Float[Tensor, "v h w"] | None:
     """The region in pictures of the unedited scene, for editors that take it as a mask; None where
-    the editor decides: the region is everything, or comes from its edits.
-    """
+    the editor decides: the region is everything, or comes from its edits."""
     if session.region.is_all or session.progress.edited.voted:
         return None
     scene, execution = session.request.scene, session.request.settings.execution

@@ -35,8 +35,7 @@ EXR_COMMENTS = (
 
 def write_exr(maps: Maps, show: Shown, path: Path, *, overwrite: bool = False) -> None:
     """Write the shown maps as channels, float32, whole or not at all. Raises what `atomic_path`
-    raises, GseditError without the package OpenEXR.
-    """
+    raises, GseditError without the package OpenEXR."""
     openexr = load_extra("OpenEXR", "an EXR file", "write .npy")
     header = {
         "compression": openexr.ZIP_COMPRESSION,

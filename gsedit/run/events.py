@@ -36,8 +36,7 @@ class Event:
 @dataclass(frozen=True, eq=False)
 class Checkpoint:
     """Work that could go on from here. It shows the work as it is: write it, or read its scene,
-    before the next item is asked for.
-    """
+    before the next item is asked for."""
 
     state: State
     step: int

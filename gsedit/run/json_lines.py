@@ -16,8 +16,7 @@ Record = TypeVar("Record")
 
 def plain(value: Any) -> Any:
     """A value as JSON can hold it: records and mappings as objects, tuples as arrays, paths and
-    whatever else as text, and the numbers that JSON lacks (NaN, infinity) as null.
-    """
+    whatever else as text, and the numbers that JSON lacks (NaN, infinity) as null."""
     if is_dataclass(value):
         return {each.name: plain(getattr(value, each.name)) for each in fields(value)}
     if isinstance(value, Mapping):

@@ -62,8 +62,7 @@ def coverage(
     region: Region, scene: Gaussians, camera: Camera, execution: Execution = AUTO
 ) -> Float[Tensor, "h w"]:
     """The share of each pixel that comes from the region's Gaussians: the sum of their blending
-    weights, in [0, 1]. What is left comes from the other Gaussians and the background.
-    """
+    weights, in [0, 1]. What is left comes from the other Gaussians and the background."""
     if region.is_all:
         return torch.ones(camera.height, camera.width, dtype=scene.means.dtype)
     return render(in_one_color(scene, region.inside), camera, execution=execution).color[..., 0]

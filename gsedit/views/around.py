@@ -297,8 +297,7 @@ def score_render(scene: Gaussians, camera: Camera, execution: Execution = AUTO) 
 
 def cover(found: Sequence[ScoredView], count: int) -> list[int]:
     """At most `count` views that show well all that these views show: each next one is the one
-    whose well-shown Gaussians were shown least often.
-    """
+    whose well-shown Gaussians were shown least often."""
     weights = torch.stack([view.weights for view in found])
     well = (weights >= 0.2 * weights.amax(0).clamp_min(1e-9)).to(weights)
     worth = weights.sum(0)
@@ -342,8 +341,7 @@ def _judged(
     effort: SearchEffort,
 ) -> list[ScoredView]:
     """The admitted ones of the best candidates that differ, and of variations of them: of nearly
-    the best score, the best first, turned in any way about the view.
-    """
+    the best score, the best first, turned in any way about the view."""
     views = candidates(places, wish.look_at, effort.directions)
     judged = []
     for i in pick(views, effort.rendered):

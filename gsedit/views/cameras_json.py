@@ -43,8 +43,7 @@ _CAMERAS = list_of(
 
 def cameras_file(scene: str | Path) -> Path | None:
     """The cameras of a scene file: SCENE.cameras.json or cameras.json beside it, or the one that
-    INRIA's trainer leaves two folders above point_cloud/iteration_N/point_cloud.ply; else None.
-    """
+    INRIA's trainer leaves two folders above point_cloud/iteration_N/point_cloud.ply; else None."""
     scene = Path(scene)
     places = [own_file(scene), scene.with_name(NAME)]
     folder = scene.absolute().parent

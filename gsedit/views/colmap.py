@@ -153,8 +153,7 @@ _ROWS = {
 
 def _check_cameras(path: Path, reconstruction: Any) -> None:
     """Raise InputError where cameras.bin is cut off: pycolmap fills up the missing parameters from
-    uninitialised memory.
-    """
+    uninitialised memory."""
     needed = _U64.size + sum(
         _CAMERA.size + 8 * len(camera.params) for camera in reconstruction.cameras.values()
     )

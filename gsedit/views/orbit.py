@@ -20,8 +20,7 @@ ELEVATION = 20.0
 
 def perpendicular(vectors: Float[Tensor, "*n 3"]) -> Float[Tensor, "*n 3"]:
     """A unit vector across each (which must not be zero): its cross product with the coordinate
-    axis that it leans on least; the first of equal ones.
-    """
+    axis that it leans on least; the first of equal ones."""
     axis = torch.nn.functional.one_hot(vectors.abs().argmin(-1), 3).to(vectors)
     return torch.nn.functional.normalize(torch.linalg.cross(vectors, axis), dim=-1)
 

@@ -226,8 +226,7 @@ class Places:
 
 def propose(sample: Sample, count: int, generator: torch.Generator) -> Float[Tensor, "p 3"]:
     """Places where a camera may have stood: a third each around the scene, between two of its
-    Gaussians (inside a room), and in front of one Gaussian, along its thin axis.
-    """
+    Gaussians (inside a room), and in front of one Gaussian, along its thin axis."""
     points = sample.means
     center = points.median(0).values
     distance = (points - center).norm(dim=-1)
@@ -253,8 +252,7 @@ def propose(sample: Sample, count: int, generator: torch.Generator) -> Float[Ten
 
 def score_panorama(view: Panorama, masks: Float[Tensor, "d b"]) -> Float[Tensor, " d"]:
     """The score of looking into each direction: opaque, sharp and not blurred (AUC 0.98 against
-    what cameras really saw, docs/measurements/views.md). `masks` are 1 for the bins in view.
-    """
+    what cameras really saw, docs/measurements/views.md). `masks` are 1 for the bins in view."""
     _, solid = bin_directions()
     weight = (masks @ view.weight).clamp_min(1e-9)
     detail = (weight / (masks @ view.square).clamp_min(1e-12)).clamp_min(1e-3).log()

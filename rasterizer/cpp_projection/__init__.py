@@ -1,3 +1,2 @@
 """From a scene to what is blended, and back, compiled. preprocess.py, project.py, harmonics.py and
-tiles.py are its definition, and its fallback.
-"""
+tiles.py are its definition, and its fallback."""

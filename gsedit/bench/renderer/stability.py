@@ -81,8 +81,7 @@ def measure_edge_case(
     case: EdgeCase, dtype: torch.dtype, runs: int = 3, execution: Execution = AUTO
 ) -> EdgeCaseMeasurement:
     """Draw one edge case with the rasterizer (`runs` times) and by the textbook's formula, both
-    with gradients.
-    """
+    with gradients."""
     given = case.make(dtype)
     draw = _rasterizer(given, execution)
     drawn, message, seconds = _timed(draw, given, runs)

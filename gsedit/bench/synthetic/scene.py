@@ -204,8 +204,7 @@ def _root(
     at_b: Float[Tensor, " m"],
 ) -> Float[Tensor, " m"]:
     """Roots between a and b by regula falsi in the Illinois form; `at_a` and `at_b` are the
-    function's values there, of opposite signs, and `b` is the latest estimate.
-    """
+    function's values there, of opposite signs, and `b` is the latest estimate."""
     for _ in range(60):  # regula falsi needs 3 to 6; a crease at worst halves the bracket
         if float(at_b.abs().max()) < 1e-13:  # a few roundings of coordinates of size 1
             break

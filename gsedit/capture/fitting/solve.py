@@ -195,8 +195,7 @@ def trusting_penalty(
 ) -> float:
     """The largest penalty by which some targets predict the others as well as by any: the more they
     contradict each other, the less a solve should follow them beyond the map of colors. PENALTY for
-    fewer targets than can be parted. The arguments are those of `solve_colors`.
-    """
+    fewer targets than can be parted. The arguments are those of `solve_colors`."""
     parts = [range(0, len(targets), LEFT_OUT), range(1, len(targets), LEFT_OUT)]
     if len(targets) < 2 * LEFT_OUT:
         return PENALTY

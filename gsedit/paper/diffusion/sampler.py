@@ -152,7 +152,7 @@ def sample(
 
     `consensus` acts on `settings.target` while sigma is above t_end; with all of its strength, the
     deviation of corresponding cells then never changes its sign and never grows, whatever the
-    solver. `share` acts on fresh noise, which only eta > 0, `ancestral` and `lcm` draw (from
+    solver. `share` acts on fresh noise, which only eta > 0 and `ancestral` draw (from
     `generator`, then required). `condition` is that of the views that are not anchored, in their
     order. `levels` overrule the settings' steps.
     The state keeps the dtype of `x`, float32 or float64, whatever the network computes in. Raises
@@ -177,8 +177,6 @@ def sample(
             case "dpm++2m":
                 step_before, previous = _settled(own, pair, here, previous, settled)
                 x = multistep(pair, here, there, step_before)
-            case "lcm":
-                x = _renoised(pair, there, share, generator)
             case "euler" | "ddim" | "ancestral":
                 x = _one_step(pair, here, there, settings.fresh_noise, share, generator)
         if agree and settings.target == "xt":
@@ -242,22 +240,8 @@ def _one_step(
     """A step of ddim, euler or ancestral: part of the noise, by eta, is drawn anew."""
     if eta == 0 or there.b == 0:
         return straight_on(pair, there)
-    return ancestral(pair, here, there, eta, _fresh(pair.x0, share, generator))
-
-
-def _renoised(
-    pair: Pair, there: NoiseLevel, share: Hook | None, generator: torch.Generator | None
-) -> Latents:
-    """A step of a consistency model (Luo et al. 2023, alg. 3): all of the noise is drawn anew."""
-    if there.b == 0:
-        return straight_on(pair, there)
-    return straight_on(Pair(pair.x0, _fresh(pair.x0, share, generator)), there)
-
-
-def _fresh(x: Latents, share: Hook | None, generator: torch.Generator | None) -> Latents:
-    """Noise for latents like these, shared by corresponding cells."""
-    noise = torch.randn(x.shape, generator=generator, dtype=x.dtype)
-    return share(noise) if share else noise
+    noise = torch.randn(pair.x0.shape, generator=generator, dtype=pair.x0.dtype)
+    return ancestral(pair, here, there, eta, share(noise) if share else noise)
 
 
 def _predict(

@@ -14,7 +14,7 @@ from gsedit.errors import UsageError
 
 Target = Literal["x0", "xt", "eps"]
 Noise = Literal["shared", "independent"]
-Solver = Literal["ddim", "euler", "heun", "dpm++2m", "ancestral", "lcm"]
+Solver = Literal["ddim", "euler", "heun", "dpm++2m", "ancestral"]
 Precision = Literal["float32", "bfloat16", "auto"]
 Spacing = Literal["leading", "linspace", "trailing", "karras"]
 """Positions of the steps: three ways of dividing the training steps (named as in diffusers; leading
@@ -58,7 +58,7 @@ class SamplerSettings:
     """Fraction of the noise schedule at which the noised render starts, above 0 and at most 1;
     less keeps more of the render, 1 none of it: sampling starts from noise, as in diffusers."""
     solver: Solver | None = None
-    """How a step is taken. heun runs the network twice a step; ancestral and lcm draw fresh noise.
+    """How a step is taken. heun runs the network twice a step; ancestral draws fresh noise.
     None: the editor's own (ddim)."""
     spacing: Spacing | None = None
     """Positions of the steps on the noise schedule, named as in diffusers; karras spaces the
@@ -172,8 +172,8 @@ class SamplerSettings:
 
     @property
     def fresh_noise(self) -> float:
-        """The share of the noise that each step draws anew: eta, or 1 for ancestral and lcm."""
-        return 1.0 if self.method in ("ancestral", "lcm") else self.eta
+        """The share of the noise that each step draws anew: eta, or 1 for ancestral."""
+        return 1.0 if self.method == "ancestral" else self.eta
 
     @property
     def step_count(self) -> int:

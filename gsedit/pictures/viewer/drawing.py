@@ -269,8 +269,7 @@ def _add_panel(
 def ellipsoids(scene: Gaussians) -> tuple[Float[np.ndarray, "v 3"], np.ndarray]:
     """Vertices, and triangles of indices into them, of the Gaussians' surfaces at ELLIPSOID_RADIUS
     standard deviations. Raises UsageError for more than 20,000, which take
-    10 times as long as their points in software OpenGL.
-    """
+    10 times as long as their points in software OpenGL."""
     if len(scene) > 20_000:
         raise UsageError(
             f"{len(scene):,} ellipsoids are too many to draw (at most 20,000): select "
@@ -435,8 +434,7 @@ def shown_panels(
     min_opacity: float,
 ) -> list[Panel]:
     """The one or two scenes without what is fainter than `min_opacity`. A selection holds for the
-    second scene too where that has as many Gaussians; else nothing of that is selected.
-    """
+    second scene too where that has as many Gaussians; else nothing of that is selected."""
     if selection is not None and len(selection) != len(scene):
         raise UsageError(
             f"the selection has {len(selection)} flags and the scene {len(scene)} Gaussians: it "
