@@ -7,6 +7,7 @@ import signal
 import sys
 import traceback
 import warnings
+from contextvars import copy_context
 from typing import Annotated, Any
 
 import typer
@@ -15,7 +16,7 @@ from typer.main import get_command
 
 from .chain import THEN, OperationCommand
 from .core.command import SET, LazyCommand, paragraphs, verb_name
-from .core.console import as_json, print_json, print_message
+from .core.console import print_json, print_message
 from .core.exits import FAILED, OK, USAGE, Interrupted, explain, one_line
 from .verbs.app import app as app_verb
 from .verbs.bench import bench, bench_
@@ -71,17 +72,16 @@ class Verbs(TyperGroup):
 
     def main(self, args: Any = None, *rest: Any, **options: Any) -> Any:
         arguments = sys.argv[1:] if args is None else list(args)
-        token = as_json.set(False)
         try:
             # not standalone: typer would print its own boxes and tracebacks
-            code = super().main(arguments, *rest, **{**options, "standalone_mode": False})
+            options["standalone_mode"] = False
+            # in a context of its own: --json, the scene and --kernel are this command's
+            code = copy_context().run(super().main, arguments, *rest, **options)
         except BrokenPipeError:  # the reader of stdout left, as `head` does
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             code = FAILED
         except Exception as error:
             code = self.end(error, arguments)
-        finally:
-            as_json.reset(token)
         sys.exit(code or OK)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:

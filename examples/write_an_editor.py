@@ -19,7 +19,6 @@ import torch
 import gsedit
 from gsedit.bench.synthetic import demo_scene, surface_gaussians
 from gsedit.formats.pictures import save_picture
-from gsedit.paper.consistency.harmonise import harmonise
 from gsedit.paper.editors import Capabilities, EditProgress
 from gsedit.pictures.contact_sheet import contact_sheet
 from gsedit.views.around import around
@@ -43,8 +42,6 @@ class Fade:
                 pale = batch.originals[i].mean(-1, keepdim=True).sqrt()
                 edited[i] = torch.lerp(batch.originals[i], pale, amount)
             yield EditProgress(i + 1, len(amounts) + 1)
-        if batch.correspondences is not None and settings.consensus:
-            edited = harmonise(edited, batch.correspondences, anchored=batch.anchored)
         yield EditProgress(len(amounts) + 1, len(amounts) + 1, edited)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from functools import wraps
@@ -96,6 +96,7 @@ AUTO = Execution()
 _RULING: ContextVar[Execution] = ContextVar("ruling execution", default=AUTO)
 P = ParamSpec("P")
 T = TypeVar("T")
+R = TypeVar("R")
 
 
 def ruled(function: Callable[P, T]) -> Callable[P, T]:
@@ -113,6 +114,27 @@ def ruled(function: Callable[P, T]) -> Callable[P, T]:
             _RULING.reset(token)
 
     return called
+
+
+def rule(execution: Execution) -> None:
+    """Let an execution rule all that this context renders from now on, unless it is AUTO."""
+    _RULING.set(ruling(execution))
+
+
+def under(execution: Execution, steps: Generator[T, None, R]) -> Generator[T, None, R]:
+    """The steps of a generator, with an execution that rules all that they render."""
+    try:
+        while True:
+            token = _RULING.set(ruling(execution))
+            try:
+                step = next(steps)
+            except StopIteration as ended:
+                return ended.value
+            finally:
+                _RULING.reset(token)
+            yield step
+    finally:
+        steps.close()
 
 
 def ruling(execution: Execution) -> Execution:

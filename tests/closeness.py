@@ -1,8 +1,9 @@
-"""Tolerances of these tests, each by its cause."""
+"""Tolerances of these tests, each by its cause; slopes of errors."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from math import log
 
 import numpy as np
 import torch
@@ -61,3 +62,18 @@ def slope_error(encode: Callable[[Tensor], Tensor], step: float) -> float:
             (weights * encode(images + sign * step * direction)).sum() for sign in (1, -1)
         )
     return float(((ahead - behind) / (2 * step) - slope).abs() / slope.abs())
+
+
+def slope(points: Sequence[tuple[float, float]]) -> float:
+    """Least-squares slope of log y over log x: 1 where y is proportional to x.
+
+    Raises ValueError for fewer than two different x, or a number that is not positive.
+    """
+    if any(value <= 0 for point in points for value in point):
+        raise ValueError("logarithms need positive numbers")
+    if len({x for x, _ in points}) < 2:
+        raise ValueError("a slope needs two points that differ in x")
+    logs = [(log(x), log(y)) for x, y in points]
+    center_x, center_y = (sum(column) / len(logs) for column in zip(*logs))
+    rise = sum((x - center_x) * (y - center_y) for x, y in logs)
+    return rise / sum((x - center_x) ** 2 for x, _ in logs)

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 
 import torch
-from closeness import EPS32, NETWORK, assert_near
+from closeness import EPS32
 
 from gsedit.paper.consistency.consensus import consensus
-from gsedit.paper.diffusion.guidance import Need
 from gsedit.paper.diffusion.sampler import SamplerStep, sample
 from gsedit.paper.diffusion.settings import SamplerSettings
 from gsedit.paper.models.model import Model
@@ -29,37 +27,6 @@ def run(
     condition = model.condition(pictures, PROMPT, torch.Generator())
     levels = levels_for(model, settings, (start.shape[2], start.shape[3]))
     return sample(model, condition, start, settings, levels=levels, **options)
-
-
-def micro_batches_change_nothing(
-    model: Model, pictures: torch.Tensor, start: torch.Tensor, need: Need
-) -> None:
-    """One view or three in a pass predict alike, and encode and decode alike."""
-    for views in (1, 3):
-        other = replace(model, micro_batch=views)
-        condition = other.condition(pictures, PROMPT, torch.Generator())
-        predicted = other.branches(start, 700.0, condition, need)
-        found = (other.encode(pictures), other.decode(start), *filter(torch.is_tensor, predicted))
-        if views == 1:
-            expected = found
-    for one, three in zip(expected, found, strict=True):
-        assert_near(one, three, NETWORK)
-
-
-def views_do_not_mix(model: Model, pictures: torch.Tensor, start: torch.Tensor, need: Need) -> None:
-    """In one pass, another picture beside a view changes nothing of it."""
-    model = replace(model, micro_batch=2)
-    other = pictures.clone()
-    other[1] = 1 - other[1]
-    first, second = (
-        model.branches(start, 700.0, model.condition(each, PROMPT, torch.Generator()), need)
-        for each in (pictures, other)
-    )
-    one, two = first.text_image, second.text_image
-    assert one is not None
-    assert two is not None
-    assert_near(one[0], two[0], NETWORK)
-    assert (one[1] - two[1]).abs().max() > 1e-3
 
 
 def consensus_law_holds(model: Model, pictures: torch.Tensor, start: torch.Tensor) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Literal
 
 from gsedit.errors import UsageError
-from rasterizer.numerics import Execution
+from rasterizer.numerics import Execution, rule
 
 from .console import print_message
 
@@ -19,8 +19,10 @@ SECONDS = 3
 
 
 def say_kernel(execution: Execution, parts: tuple[Part, ...] = RENDERS) -> None:
-    """Print whether compiled kernels do the parts of a command; they are compiled where they are
-    not yet. Raises UsageError where they are asked for and cannot render."""
+    """Let an execution rule what the command renders, and print whether compiled kernels do its
+    parts; they are compiled where they are not yet. Raises UsageError where they are asked for and
+    cannot render."""
+    rule(execution)
     if execution.kernel == "torch":
         return
     from rasterizer import compiled

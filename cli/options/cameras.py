@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gsedit.errors import UsageError
-from rasterizer.numerics import AUTO, Execution
 
 from ..core.command import option
 from ..core.console import print_message
@@ -128,7 +127,6 @@ def resolve_cameras(
     scene: Gaussians,
     options: ViewOptions,
     count: int = FOUND_VIEWS,
-    execution: Execution = AUTO,
 ) -> ResolvedCameras:
     """Return the cameras of --data, or those recorded beside the scene, or else `count` found."""
     from gsedit.views.around import find_viewpoints
@@ -138,8 +136,8 @@ def resolve_cameras(
     if known is not None:
         return known
     print_message("searching the scene for views; a cameras.json beside it saves this")
-    found = find_viewpoints(scene, count, options.pixels, wish=options.wish(), execution=execution)
-    say_if_empty(thinned(found, 8), scene, execution)
+    found = find_viewpoints(scene, count, options.pixels, wish=options.wish())
+    say_if_empty(thinned(found, 8), scene)
     return ResolvedCameras(found, found=True)
 
 
@@ -157,11 +155,11 @@ def known_cameras(
     return ResolvedCameras(found) if found else None
 
 
-def say_if_empty(viewpoints: Sequence[Viewpoint], scene: Gaussians, execution: Execution) -> None:
+def say_if_empty(viewpoints: Sequence[Viewpoint], scene: Gaussians) -> None:
     """Print a line where found views show nothing of the scene."""
     from gsedit.views.viewpoints import that_see
 
-    empty = len(viewpoints) - len(that_see(viewpoints, scene, execution))
+    empty = len(viewpoints) - len(that_see(viewpoints, scene))
     if empty:
         print_message(
             f"{empty} of {len(viewpoints)} found views show nothing of the scene: its Gaussians "
@@ -192,14 +190,14 @@ class ResolvedCameras:
             cameras[name] = viewpoint.camera
         return cameras
 
-    def some(self, scene: Gaussians, execution: Execution) -> Sequence[Viewpoint]:
+    def some(self, scene: Gaussians) -> Sequence[Viewpoint]:
         """The found viewpoints; of many recorded ones some, without those that see nothing."""
         from gsedit.views.viewpoints import that_see, thinned
 
         if self.found:
             return self.viewpoints
         some = thinned(self.viewpoints)
-        seeing = that_see(some, scene, execution)
+        seeing = that_see(some, scene)
         if len(seeing) < len(some):
             print_message(f"{len(some) - len(seeing)} cameras see nothing: they are skipped")
         return seeing

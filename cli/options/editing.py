@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from gsedit.select.finder import Names
     from gsedit.views.viewpoints import Views
     from gsedit.words.instruction import Instruction
-    from rasterizer.numerics import Execution
     from rasterizer.scene import Gaussians
 
 STEPS = {
@@ -237,9 +236,7 @@ def names_of(scene: Path, masks: MaskOptions, steps: Sequence[Instruction]) -> N
     return Names(saved_files(scene), masks.make(told))
 
 
-def views_of(
-    path: Path, scene: Gaussians, options: ViewOptions, execution: Execution, *, drawn: bool
-) -> Views:
+def views_of(path: Path, scene: Gaussians, options: ViewOptions, *, drawn: bool) -> Views:
     """Return the views of an edit: photos of --data that a 2D editor may be shown, or cameras.
 
     Of many recorded cameras a 2D editor is shown views from some.
@@ -247,14 +244,14 @@ def views_of(
     from gsedit.views.lazy_views import of_one_size
     from gsedit.views.viewpoints import same_size
 
-    resolved = resolve_cameras(path, scene, options, execution=execution)
+    resolved = resolve_cameras(path, scene, options)
     if drawn and resolved.photos is not None:
         framed = of_one_size(resolved.photos)
         if framed is not resolved.photos:
             print_message(framed.notes[-1])
         return framed
     sized = replace(resolved, viewpoints=same_size(resolved.viewpoints, options.pixels))
-    return sized.some(scene, execution) if drawn else sized.viewpoints
+    return sized.some(scene) if drawn else sized.viewpoints
 
 
 @contextmanager

@@ -99,18 +99,12 @@ def finder_in(
 
 
 @dataclass(frozen=True)
-class WhereOptions:
-    """The option that selects by an expression."""
+class SelectionOptions:
+    """Options that select the Gaussians a verb acts on."""
 
     where: str | None = option(None, "EXPRESSION")
     """Select by value, volume, color or view, as in 'opacity > 0.1 and not sphere(0,0,0,1)'.
     docs/howto/select.md lists all forms."""
-
-
-@dataclass(frozen=True)
-class SelectionOptions(WhereOptions):
-    """Options that select the Gaussians a verb acts on."""
-
     region: str | None = option(None, "REGION")
     """Select a region of gsedit edit: auto (the subject), a saved name, box:X,Y,Z,X,Y,Z,
     sphere:X,Y,Z,R, a .npy file of flags, or masks on photos (.png or a folder)."""

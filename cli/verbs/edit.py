@@ -200,7 +200,7 @@ def run_preview(asked: EditCommand) -> None:
     followed = None if exact else asked.editor.make(path.parent, first.text, precision)
     gaussians = asked.load()
     say_kernel(settings.execution)
-    found = resolve_cameras(asked.scene, gaussians, asked.views, execution=settings.execution)
+    found = resolve_cameras(asked.scene, gaussians, asked.views)
     viewpoints = same_size(found.viewpoints, asked.views.pixels)
     if len(steps) > 1:
         print_message(f"the first of {len(steps)} steps: {first.text}")
@@ -214,7 +214,7 @@ def run_preview(asked: EditCommand) -> None:
     else:
         settings, region = at_size(settings, followed, asked.views.size), None
         if not asked.editor.draws_all:
-            finder = Finder(gaussians, viewpoints, settings.region, names, settings.execution)
+            finder = Finder(gaussians, viewpoints, settings.region, names)
             region = drawn_region(finder, first, followed)
         shown = preview_edited(
             gaussians, first.text, viewpoints[0].camera, followed, common.seed,
@@ -248,7 +248,7 @@ def run_edit(asked: EditCommand) -> EditResult | None:
     say_kernel(settings.execution, RENDERS if exact else UPDATES)
     if not asked.editor.draws_all:
         print_message(f"understood as: {'; '.join(map(str, steps))}")
-    views = views_of(asked.scene, gaussians, asked.views, settings.execution, drawn=not exact)
+    views = views_of(asked.scene, gaussians, asked.views, drawn=not exact)
 
     from gsedit.editing.edit import edit_steps, plan_edit
     from gsedit.editing.folder import write_edit

@@ -138,7 +138,6 @@ class Pair:
     scenes: tuple[Gaussians, Gaussians]
     numerics: tuple[Numerics, Numerics]
     viewpoints: tuple[Viewpoint, ...]
-    execution: Execution
 
 
 @dataclass(frozen=True)
@@ -175,10 +174,10 @@ def diff(
     from gsedit.toolkit.differences import QUANTILES, difference_table
     from gsedit.toolkit.differences import diff as compared
 
-    pair = read_pair((scene, other), own, cameras, with_values(Execution(), values))
-    seen = {"numerics": pair.numerics, "execution": pair.execution}
+    say_kernel(with_values(Execution(), values))
+    pair = read_pair((scene, other), own, cameras)
     with counting("compare") as tell:
-        result = compared(*pair.scenes, pair.viewpoints, **seen, progress=tell)
+        result = compared(*pair.scenes, pair.viewpoints, numerics=pair.numerics, progress=tell)
     if own.out is not None:
         draw(result, pair, own.out, own.force)
         print_message(f"the picture is {own.out}")
@@ -189,18 +188,14 @@ def diff(
         typer.echo(shown(difference_table(result, (scene, other))))
 
 
-def read_pair(
-    paths: tuple[Path, Path], own: DiffOptions, cameras: ViewOptions, execution: Execution
-) -> Pair:
+def read_pair(paths: tuple[Path, Path], own: DiffOptions, cameras: ViewOptions) -> Pair:
     """Read both scenes, and place the views."""
     before, after = (load_file(path, drop_invalid=own.drop_invalid) for path in paths)
-    say_kernel(execution)
     return Pair(
         paths,
         (before.scene, after.scene),
         (numerics_of(before, paths[0]), numerics_of(after, paths[1])),
-        views_of(*paths, before.scene, cameras, own.count, execution),
-        execution,
+        views_of(*paths, before.scene, cameras, own.count),
     )
 
 
@@ -210,7 +205,6 @@ def views_of(
     gaussians: Gaussians,
     options: ViewOptions,
     count: int,
-    execution: Execution,
 ) -> tuple[Viewpoint, ...]:
     """`count` of the cameras to compare from: those beside the second scene where only that one has
     some."""
@@ -218,7 +212,7 @@ def views_of(
     from gsedit.views.dataset import evenly_spaced
 
     beside = other if not cameras_file(scene) and cameras_file(other) else scene
-    resolved = resolve_cameras(beside, gaussians, options, count, execution)
+    resolved = resolve_cameras(beside, gaussians, options, count)
     chosen = evenly_spaced(len(resolved.viewpoints), count)
     return tuple(resolved.viewpoints[index] for index in chosen)
 
@@ -234,10 +228,7 @@ def draw(result: SceneDifference, pair: Pair, out: Path, force: bool) -> None:
     chosen = [worst, *(others[i] for i in evenly_spaced(len(others), 3))]
     views = [pair.viewpoints[index] for index in chosen]
     before, after = (
-        [
-            View(each.name, each.camera, render_picture(scene, each.camera, pair.execution, own))
-            for each in views
-        ]
+        [View(each.name, each.camera, render_picture(scene, each.camera, own)) for each in views]
         for scene, own in zip(pair.scenes, pair.numerics)
     )
     first = f"{pair.paths[0].name}, the worst view first: {result.worst.psnr:.1f} dB"

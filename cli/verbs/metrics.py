@@ -112,8 +112,8 @@ def metrics(
 
     found = resolve_reference(reference)
     check_views(found, listed)
-    execution = with_values(Execution(), values)
-    subject = gather(scene, found, own, listed, reads.drop_invalid, execution)
+    say_kernel(with_values(Execution(), values))
+    subject = gather(scene, found, own, listed, reads.drop_invalid)
     if listed.save_views is not None:
         write_view_list(subject.views, listed.save_views, overwrite=outputs.force)
         print_message(f"the list of views is {listed.save_views}")
@@ -189,7 +189,6 @@ def gather(
     own: MetricsOptions,
     listed: ListedViews,
     drop_invalid: bool,
-    execution: Execution,
 ) -> EvaluationInput:
     """Read everything that is measured."""
     from gsedit.capture.matches import match_pictures
@@ -203,8 +202,7 @@ def gather(
     if against.unedited is not None:
         unedited = load_scene(against.unedited, drop_invalid=drop_invalid or against.drop_invalid)
     known, after = regions_of(against, own.region, unedited, scene)
-    say_kernel(execution)
-    views, targets, masks = place_views(path, scene, against, unedited, listed, execution)
+    views, targets, masks = place_views(path, scene, against, unedited, listed)
     return EvaluationInput(
         scene,
         views,
@@ -218,7 +216,6 @@ def gather(
         subject_masks={} if drawn is None else read_masks(drawn, views.viewpoints),
         matcher=match_pictures,
         edited_region=after,
-        execution=execution,
         masks=masks,
     )
 
@@ -266,7 +263,6 @@ def place_views(
     against: Reference,
     unedited: Gaussians | None,
     listed: ListedViews,
-    execution: Execution,
 ) -> tuple[ViewList, Pictures, Mapping[int, Tensor]]:
     """The views, the pictures that the scene should show at them, and the masks of these."""
     from gsedit.measures.against import find_pictures, resized
@@ -284,8 +280,8 @@ def place_views(
     beside_own = against.kind != "scene" or (cameras_file(path) and not cameras_file(against.path))
     place, seen = (path, scene) if beside_own or unedited is None else (against.path, unedited)
     options = ViewOptions(of_photos, size=size)
-    found = resolve_cameras(place, seen, options, execution=execution)
-    dataset = found.photos or rendered(seen, found.some(seen, execution), execution)
+    found = resolve_cameras(place, seen, options)
+    dataset = found.photos or rendered(seen, found.some(seen))
     views = by_capture(viewpoints_of(dataset))
     if against.kind != "photos":
         return views, find_pictures(against, views), {}

@@ -230,21 +230,21 @@ def render(
 
     from gsedit.pictures.frames import Animation
 
-    execution, kind = with_values(Execution(), values), own.kind
+    kind = own.kind
     gaussians, second, numerics = read_scenes(scene, pictures.wipe, drop_invalid=own.drop_invalid)
-    say_kernel(execution)
+    say_kernel(with_values(Execution(), values))
     moving = path.taken(kind)
     wanted = own.count or (COUNT if kind == "folder" else 1)
     searched = FOUND_VIEWS if moving or own.region is not None else wanted
-    resolved = resolve_cameras(scene, gaussians, cameras, searched, execution)
+    resolved = resolve_cameras(scene, gaussians, cameras, searched)
     if own.region is not None:
-        gaussians = tint(gaussians, own.region, resolved, own.editor, own.prompt or "", execution)
+        gaussians = tint(gaussians, own.region, resolved, own.editor, own.prompt or "")
     named = resolved.named(numbers_of(resolved, own.views, None if moving else wanted))
     if moving:
         named = follow(moving, list(named.values()), gaussians, path, cameras)
     shots = tuple(sized(camera, pictures, own.out) for camera in named.values())
     seen = pictures.maps, second, moving is not None, pictures.background_color()
-    animation = Animation(gaussians, shots, *seen, execution, numerics)
+    animation = Animation(gaussians, shots, *seen, numerics)
     write(animation, list(named), own, path.fps or FPS, pictures)
 
 
@@ -385,7 +385,6 @@ def tint(
     resolved: ResolvedCameras,
     editor: str,
     prompt: str,
-    execution: Execution,
 ) -> Gaussians:
     """The scene with the region tinted; what the region holds is printed."""
     from gsedit.editing.parts import editor_region
@@ -393,7 +392,7 @@ def tint(
     from gsedit.select.finder import Finder
     from gsedit.select.region import tinted
 
-    finder = Finder(scene, resolved.viewpoints, region, execution=execution)
+    finder = Finder(scene, resolved.viewpoints, region)
     found = editor_region(finder, make_editor(editor), prompt)
     if found is None:
         raise UsageError(
@@ -458,10 +457,7 @@ def write_view(
         path = stem if one else stem.with_name(f"{name}.png")
         save_picture(Image.fromarray(animation.frame(index)), path, overwrite=overwrite)
         return [path]
-    how = {
-        "background": animation.background, "numerics": animation.numerics[0],
-        "execution": animation.execution,
-    }  # fmt: skip
+    how = {"background": animation.background, "numerics": animation.numerics[0]}
     clear, camera = pictures.transparent, animation.cameras[index]
     if one:
         views.write_still(

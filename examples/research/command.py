@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Annotated, TypeVar
 
@@ -16,6 +17,9 @@ Output = Annotated[Path, typer.Option("-o", "--output", help="Folder for the res
 Quick = Annotated[bool, typer.Option("--quick", help="Fewer and smaller cases.")]
 
 Row = TypeVar("Row")
+
+print_message = partial(typer.echo, err=True)
+print_result = typer.echo
 
 
 def run(command: Callable[..., None]) -> None:
@@ -46,13 +50,3 @@ def require_new(folder: Path) -> None:
     """Raise UsageError where the folder has files: an experiment takes hours, keep its results."""
     if folder.is_dir() and any(folder.iterdir()):
         raise UsageError(f"{folder} is not empty: name another folder with -o")
-
-
-def print_message(text: str) -> None:
-    """Print a line to stderr."""
-    print(text, file=sys.stderr)  # noqa: T201
-
-
-def print_result(text: str) -> None:
-    """Print a result to stdout."""
-    print(text)  # noqa: T201

@@ -1,9 +1,9 @@
-"""Plots of error against cost, a panel a problem and a line a method, and slopes in them."""
+"""Plots of error against cost, a panel a problem and a line a method."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from math import ceil, log
+from math import ceil
 from pathlib import Path
 from typing import Any
 
@@ -56,18 +56,3 @@ def draw_errors(
         figure.legend(*legend, loc="outside lower center", ncols=min(len(handles), 5), fontsize=9)
     with atomic_path(path, overwrite=True) as temporary:
         figure.savefig(temporary, format="png")
-
-
-def slope(points: Sequence[Point]) -> float:
-    """Least-squares slope of log y over log x: 1 where y is proportional to x.
-
-    Raises ValueError for fewer than two different x, or a number that is not positive.
-    """
-    if any(value <= 0 for point in points for value in point):
-        raise ValueError("logarithms need positive numbers")
-    if len({x for x, _ in points}) < 2:
-        raise ValueError("a slope needs two points that differ in x")
-    logs = [(log(x), log(y)) for x, y in points]
-    center_x, center_y = (sum(column) / len(logs) for column in zip(*logs))
-    rise = sum((x - center_x) * (y - center_y) for x, y in logs)
-    return rise / sum((x - center_x) ** 2 for x, _ in logs)

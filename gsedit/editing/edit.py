@@ -33,6 +33,7 @@ from gsedit.select.region import Region
 from gsedit.views.around import find_viewpoints
 from gsedit.views.viewpoints import Views, viewpoints_of
 from gsedit.words.instruction import Instruction
+from rasterizer.numerics import under
 from rasterizer.scene import Gaussians
 
 
@@ -54,6 +55,10 @@ def edit_steps(
     sentence that is refused; with another `editor`, that draws the whole sentence.
     """
     job = prepare(scene, sentence, views, **how)
+    yield from under(job.settings.execution, _steps(job, sentence))
+
+
+def _steps(job: Job, sentence: str) -> Generator[Event | Checkpoint | EditResult, None, None]:
     watch, finder = Stopwatch(), job.finder
     changed = yield from change_steps(finder, job.steps, job, watch)
     yield measured(finder, changed, sentence, job.steps, job.settings, watch)
@@ -76,7 +81,7 @@ def change_steps(
     steps = aimed_at(steps, finder.region)
     with watch.stage("find"):
         parts = find_parts(steps, finder, job and job.method and job.method.editor, shown)
-    looking, total, drawing = Looking(finder.cameras, finder.execution), same(scene), None
+    looking, total, drawing = Looking(finder.cameras), same(scene), None
     for step in steps:
         for run in runs_of(step):
             if is_exact(step):
@@ -176,7 +181,7 @@ def prepare(
             "masks find what a sentence names, and a 2D editor gets this one as it is: save what "
             "gsedit.select.masked.find_masked finds, and name it by settings.region"
         )
-    views = views or find_viewpoints(scene, execution=settings.execution)
+    views = views or find_viewpoints(scene)
     viewpoints = viewpoints_of(views)
-    finder = Finder(scene, viewpoints, settings.region, names, settings.execution)
+    finder = Finder(scene, viewpoints, settings.region, names)
     return Job(steps, finder, views, settings, method, resume)

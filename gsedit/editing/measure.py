@@ -29,7 +29,6 @@ from gsedit.views.dataset import View, capture, evenly_spaced
 from gsedit.views.view_list_files import HELD_OUT_EVERY, ViewList
 from gsedit.views.viewpoints import Viewpoint
 from gsedit.words.instruction import Instruction
-from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
 
 
@@ -158,9 +157,9 @@ def measured(
     if drawing is None or len(steps) > 1:
         with watch.stage("measure"):
             shown = held_out(finder.viewpoints)
-            before = pictures_at(scene, shown, finder.execution)
-            after = pictures_at(changed.scene, shown, finder.execution)
-            means = means_of(scene, changed, before, after, finder.execution)
+            before = pictures_at(scene, shown)
+            after = pictures_at(changed.scene, shown)
+            means = means_of(scene, changed, before, after)
         own = evidence.metrics.evaluation
         metrics = replace(
             evidence.metrics, evaluation=replace(own, measured={**own.measured, **means})
@@ -169,7 +168,7 @@ def measured(
         if drawing is None:
             evidence = replace(evidence, held_out=HeldOutViews(before, (), after))
         else:
-            evidence = _of_the_whole(evidence, scene, changed.scene, finder.execution)
+            evidence = _of_the_whole(evidence, scene, changed.scene)
         if (metrics.rmse_to_unedited or 0.0) <= LEAST_RMSE:
             notes = (*notes, HARDLY)
     spent = {**watch.stages, **evidence.timings}
@@ -196,19 +195,17 @@ def understood(steps: Sequence[Instruction]) -> Instruction | None:
     return steps[0] if len(steps) == 1 else Instruction(words, True, words, changes)
 
 
-def _of_the_whole(
-    evidence: Evidence, before: Gaussians, after: Gaussians, execution: Execution
-) -> Evidence:
+def _of_the_whole(evidence: Evidence, before: Gaussians, after: Gaussians) -> Evidence:
     """The evidence of a drawing, its renders those of the scene before and after all changes."""
     held_out = evidence.held_out
     return replace(
         evidence,
-        originals=pictures_at(before, evidence.originals, execution),
-        finals=pictures_at(after, evidence.finals, execution),
+        originals=pictures_at(before, evidence.originals),
+        finals=pictures_at(after, evidence.finals),
         held_out=replace(
             held_out,
-            originals=pictures_at(before, held_out.originals, execution),
-            finals=pictures_at(after, held_out.finals, execution),
+            originals=pictures_at(before, held_out.originals),
+            finals=pictures_at(after, held_out.finals),
         ),
     )
 
@@ -225,12 +222,10 @@ def held_out(viewpoints: Sequence[Viewpoint]) -> tuple[Viewpoint, ...]:
     return tuple(every[i] for i in evenly_spaced(len(every), 4))
 
 
-def pictures_at(
-    scene: Gaussians, viewpoints: Sequence[Viewpoint | View], execution: Execution = AUTO
-) -> tuple[View, ...]:
+def pictures_at(scene: Gaussians, viewpoints: Sequence[Viewpoint | View]) -> tuple[View, ...]:
     """Renders of a scene as views at these, whatever they show."""
     cameras, names = [each.camera for each in viewpoints], [each.name for each in viewpoints]
-    return tuple(capture(scene, cameras, names, execution))
+    return tuple(capture(scene, cameras, names))
 
 
 def means_of(
@@ -238,7 +233,6 @@ def means_of(
     changed: Changed,
     before: Sequence[View],
     after: Sequence[View],
-    execution: Execution = AUTO,
 ) -> Means:
     """The difference of held-out views, and how well what is outside the region is kept."""
     moved = changed.region_before is not None
@@ -251,6 +245,5 @@ def means_of(
         edited_region=changed.region if moved else None,
         finals={i: each.image for i, each in enumerate(after)},
         originals={i: each.image for i, each in enumerate(before)},
-        execution=execution,
     )
     return evaluate(given, only=MEASURED).measured

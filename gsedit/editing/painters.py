@@ -43,7 +43,6 @@ from gsedit.views.place import light_note, place_of
 from gsedit.words.colors import parse_hex
 from gsedit.words.instruction import MOST, Change
 from rasterizer.camera import Camera
-from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
 
 SEEN_VIEWS = 12
@@ -58,25 +57,22 @@ class Looking:
 
     cameras: Sequence[Camera] = ()
     """Cameras that tell sides, light, and which Gaussians are seen."""
-    execution: Execution = AUTO
 
     def seen(self, scene: Gaussians) -> Float[Tensor, " n"] | None:
         """How many pixels of small pictures each Gaussian fills; None without cameras."""
-        return seen_weights(scene, self.cameras, self.execution)
+        return seen_weights(scene, self.cameras)
 
 
 Painter = Callable[[Gaussians, Sequence[Change], Flags, Looking], Outcome]
 
 
 @cached_per_scene
-def seen_weights(
-    scene: Gaussians, cameras: Sequence[Camera], execution: Execution = AUTO
-) -> Float[Tensor, " n"] | None:
+def seen_weights(scene: Gaussians, cameras: Sequence[Camera]) -> Float[Tensor, " n"] | None:
     """How many pixels of small pictures from some of the cameras each Gaussian fills; None without
     cameras."""
     chosen = [cameras[i].fitted(SEEN_PIXELS) for i in evenly_spaced(len(cameras), SEEN_VIEWS)]
     ones = [torch.ones(camera.height, camera.width) for camera in chosen]
-    return lift(scene, chosen, ones, execution).weight if chosen else None
+    return lift(scene, chosen, ones).weight if chosen else None
 
 
 def paint_tone(scene: Gaussians, run: Sequence[Change], flags: Flags, looking: Looking) -> Outcome:
@@ -106,7 +102,7 @@ def paint_material(
             f"there is no material {change.name!r}: gsedit list looks shows what there is"
         )
     seen, shown = looking.seen(scene), flags.get("shown")
-    return in_material(scene, inside, material, looking.cameras, looking.execution, seen, shown)
+    return in_material(scene, inside, material, looking.cameras, seen, shown)
 
 
 def paint_light(scene: Gaussians, run: Sequence[Change], flags: Flags, looking: Looking) -> Outcome:
@@ -114,7 +110,7 @@ def paint_light(scene: Gaussians, run: Sequence[Change], flags: Flags, looking: 
     (change,), inside = run, _inside(run[0], flags)
     color = None if change.color is None else parse_hex(change.color)
     setup, seen = setup_of(change.name, change.amount, color), looking.seen(scene)
-    lit = relit(scene, setup, looking.cameras, seen, inside, looking.execution)
+    lit = relit(scene, setup, looking.cameras, seen, inside)
     return _recolored(lit, inside, *_light_notes(scene, looking))
 
 
@@ -126,9 +122,9 @@ def paint_scenery(
     (change,), inside = run, _inside(run[0], flags)
     if change.name in GROWTHS and bool((inside & flags.get("shown", inside)).all()):
         with suppress(UsageError):  # it may lie nowhere
-            return grow(scene, change.name, cameras=looking.cameras, execution=looking.execution)
+            return grow(scene, change.name, cameras=looking.cameras)
     seen = looking.seen(scene)
-    made = in_scenery(scene, change.name, looking.cameras, seen, inside, looking.execution)
+    made = in_scenery(scene, change.name, looking.cameras, seen, inside)
     lit = SCENERIES[change.name].light is not None  # autumn and a sketch bring none
     return _recolored(made, inside, *(_light_notes(scene, looking) if lit else ()))
 
@@ -139,9 +135,7 @@ PAINTERS: Mapping[str, Painter] = {
     "material": paint_material,
     "light": paint_light,
     "scenery": paint_scenery,
-    "object": lambda scene, run, flags, looking: paint_objects(
-        scene, run, flags, looking.cameras, looking.execution
-    ),
+    "object": lambda scene, run, flags, looking: paint_objects(scene, run, flags, looking.cameras),
 }
 """The painter of each route that is exact."""
 

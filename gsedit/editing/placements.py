@@ -27,7 +27,6 @@ from gsedit.words.instruction import Change, Place
 from gsedit.words.phrases import GROUNDS
 from gsedit.words.refusals import REASONS
 from rasterizer.camera import Camera
-from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
 
 Flags = Mapping[str, Bool[Tensor, " n"]]
@@ -44,7 +43,6 @@ def paint_objects(
     run: Sequence[Change],
     flags: Flags,
     cameras: Sequence[Camera] = (),
-    execution: Execution = AUTO,
 ) -> Outcome:
     """Make a run of changes of one object: what is done at once, see `runs_of`.
 
@@ -53,17 +51,17 @@ def paint_objects(
     """
     change = run[0]
     if change.name == "insert":
-        return _insert(scene, run, flags, cameras, execution)
+        return _insert(scene, run, flags, cameras)
     inside = flags[key_of(change)]
     if change.kind == "growth":
         _check(change, inside, whole=True)
         among = None if inside.all() else inside
-        return objects.grow(scene, change.name, 1 + (change.amount or 0), among, cameras, execution)
+        return objects.grow(scene, change.name, 1 + (change.amount or 0), among, cameras)
     _check(change, inside, whole=change.name == COPY)
     if change.name == "remove" and change.target == "background":
         return _without(scene, inside)
     if change.name == "remove":
-        return objects.remove(scene, inside, cameras, execution)
+        return objects.remove(scene, inside, cameras)
     if any(each.place is not None and each.place.metres for each in run):
         raise UsageError(REASONS["distance"])
     if change.name == COPY and (change.amount or 1) > 1:
@@ -71,7 +69,7 @@ def paint_objects(
     placement = Placement()
     for each in run:
         placement = _placed(placement, each, flags, key_of(change))
-    return objects.place(scene, inside, placement, cameras, execution)
+    return objects.place(scene, inside, placement, cameras)
 
 
 def _check(change: Change, inside: Bool[Tensor, " n"], *, whole: bool) -> None:
@@ -119,7 +117,6 @@ def _insert(
     run: Sequence[Change],
     flags: Flags,
     cameras: Sequence[Camera],
-    execution: Execution,
 ) -> Outcome:
     """The scene with the object of a file put in.
 
@@ -129,11 +126,11 @@ def _insert(
     where, beside = change.place, cameras_file(change.phrase)
     other, up = load(change.phrase), None
     if beside is not None:
-        viewpoints = that_see(read_cameras(beside), other, execution)
+        viewpoints = that_see(read_cameras(beside), other)
         if viewpoints:
             up = up_of([each.camera for each in viewpoints])
-            other = other[Finder(other, viewpoints, execution=execution).subject.inside]
+            other = other[Finder(other, viewpoints).subject.inside]
     if where and where.side == "on" and where.of in GROUNDS:
         where = None  # anywhere on it, not its middle
     at = _beside(where, flags, None)
-    return objects.insert(scene, other, at, cameras, execution, turn=turn, up=up)
+    return objects.insert(scene, other, at, cameras, turn=turn, up=up)

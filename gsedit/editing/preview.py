@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import torch
-from jaxtyping import Bool
+from jaxtyping import Bool, Float
 from PIL import Image
 from torch import Tensor
 
@@ -33,7 +33,7 @@ from gsedit.views.viewpoints import Viewpoint
 from gsedit.words.instruction import Instruction
 from gsedit.words.phrases import IT
 from rasterizer.camera import Camera
-from rasterizer.numerics import AUTO, Execution
+from rasterizer.numerics import AUTO, Execution, ruled, under
 from rasterizer.scene import Gaussians
 
 SEARCHED_VIEWS = 6
@@ -73,9 +73,9 @@ def preview_exact(
     if not any(each.route == "object" or each.phrase not in ("", IT) for each in changes):
         some = [viewpoints[i] for i in evenly_spaced(len(viewpoints), SEARCHED_VIEWS + 1)]
         shown = shown_by(scene, camera, settings.execution)
-    finder = Finder(scene, some, settings.region, names, settings.execution)
-    changed = returned(change_steps(finder, (step,), shown=shown))
-    before, after = (render_picture(s, camera, settings.execution) for s in (scene, changed.scene))
+    finder = Finder(scene, some, settings.region, names)
+    changed = returned(under(settings.execution, change_steps(finder, (step,), shown=shown)))
+    before, after = pictures_of((scene, changed.scene), camera, settings.execution)
     found = () if changed.region.is_all else (f"region: {changed.region.note}",)
     notes = (*found, *changed.notes)
     return Preview(View("before", camera, before), View("after", camera, after), notes)
@@ -90,13 +90,23 @@ def drawn_region(finder: Finder, step: Instruction, editor: Editor) -> Region | 
     return find_parts((step,), finder, editor).now(key_of(step.changes[0]))
 
 
+@ruled
+def pictures_of(
+    scenes: Sequence[Gaussians], camera: Camera, execution: Execution
+) -> list[Float[Tensor, "h w 3"]]:
+    """A picture of each scene from one camera."""
+    return [render_picture(scene, camera) for scene in scenes]
+
+
+@ruled
 def shown_by(scene: Gaussians, camera: Camera, execution: Execution) -> Bool[Tensor, " n"]:
     """The Gaussians that a camera shows: for its picture, only they need new reflections."""
     ones = torch.ones(camera.height, camera.width)
     # of fewer pixels, reflections are not computed
-    return lift(scene, [camera], [ones], execution).weight > 0.05
+    return lift(scene, [camera], [ones]).weight > 0.05
 
 
+@ruled
 @torch.no_grad()
 def preview_edited(
     scene: Gaussians,
@@ -118,11 +128,11 @@ def preview_edited(
     """
     editor.check(prompt)
     sampler = sampler or SamplerSettings()
-    before = render_picture(scene, camera, execution)
+    before = render_picture(scene, camera)
     declared, longest = editor.capabilities, max(camera.width, camera.height)
     size = size or declared.best_size or longest
     if size > longest and declared.enlarges:
-        shown = render_picture(scene, edit_camera(camera, size), execution)[None]
+        shown = render_picture(scene, edit_camera(camera, size))[None]
     else:
         shown = downscale(before, *fitted_size(camera.width, camera.height, size))[None]
     batch = EditBatch(shown, shown, prompt, seed=seed)
@@ -130,6 +140,6 @@ def preview_edited(
     assert last.images is not None  # the protocol: the last item has them
     drawn = carry_change(last.images, shown, before[None])[0].clamp(0, 1)
     if region is not None:
-        covered = coverage(region, scene, camera, execution)[..., None]
+        covered = coverage(region, scene, camera)[..., None]
         drawn = torch.lerp(before, drawn, covered.to(drawn))
     return Preview(View("before", camera, before), View("after", camera, drawn))

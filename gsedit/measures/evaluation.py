@@ -185,7 +185,7 @@ def _warp(subject: EvaluationInput) -> tuple[WarpComparison, ...]:
     def rendering(i: int) -> Rendering:
         if i in subject.renderings:
             return subject.renderings[i]
-        return render(original, cameras[i], median_depth=True, execution=subject.execution)
+        return render(original, cameras[i], median_depth=True)
 
     views = UneditedViews(cameras, rendering)
     held_out = subject.views.having("held_out")
@@ -215,7 +215,7 @@ def _points(subject: EvaluationInput) -> dict[PicturesOf, PointComparison | str]
     every = sorted({pair for each in pairs.values() for pair in each})
     chosen = {i: MeasuredView(subject, i) for i in sorted({i for pair in every for i in pair})}
     large = {i: _at_least(cameras[i], MATCHED_PIXELS) for i in chosen}
-    pictures = {i: render_picture(scene, large[i], subject.execution) for i in chosen}
+    pictures = {i: render_picture(scene, large[i]) for i in chosen}
     matches = subject.matcher(pictures, large, every) if every else {}
     before = {i: view.unedited for i, view in chosen.items()}
     after = {"targets": subject.targets, "renders": {i: view.final for i, view in chosen.items()}}

@@ -13,7 +13,6 @@ from gsedit.measures.agreement import Matcher, Pictures, PointComparison, WarpCo
 from gsedit.measures.interval import Interval
 from gsedit.select.region import Region
 from gsedit.views.view_list_files import Role, ViewList
-from rasterizer.numerics import AUTO, Execution
 from rasterizer.render import Rendering
 from rasterizer.scene import Gaussians
 
@@ -53,7 +52,6 @@ class EvaluationInput:
     edited_region: Region | None = None
     """The Gaussians of `scene` that the edit made or changed, where objects were removed, moved or
     added; None where its Gaussians are those of the unedited scene, recolored."""
-    execution: Execution = AUTO
     masks: Mapping[int, Bool[Tensor, "h w"]] = field(default_factory=dict)
     """Masks of targets, by the index of the view: where they are False, nothing is compared."""
     max_perceptual_views: int | None = None

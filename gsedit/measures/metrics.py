@@ -38,7 +38,7 @@ class MeasuredView:
         known, camera = self.subject.finals, self.subject.views.viewpoints[self.index].camera
         if self.index in known:
             return known[self.index]
-        return render_picture(self.subject.scene, camera, self.subject.execution)
+        return render_picture(self.subject.scene, camera)
 
     @cached_property
     def unedited(self) -> Picture:
@@ -49,9 +49,7 @@ class MeasuredView:
         if i in subject.renderings:
             return subject.renderings[i].color.clamp(0, 1)
         assert subject.unedited is not None  # `Standard.views` has no view without it
-        return render_picture(
-            subject.unedited, subject.views.viewpoints[i].camera, subject.execution
-        )
+        return render_picture(subject.unedited, subject.views.viewpoints[i].camera)
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +97,7 @@ def _outside_region(view: MeasuredView) -> Expected:
     if subject.edited_region is not None:
         parts.append((subject.edited_region, subject.scene))
     shares = [
-        coverage(region, scene, camera, subject.execution)
+        coverage(region, scene, camera)
         for region, scene in parts
         if region is not None and scene is not None
     ]

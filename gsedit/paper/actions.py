@@ -53,7 +53,7 @@ def _for_groups(session: Session, i: int, view: View) -> View:
     request = session.request
     if request.coarse is None:
         return view
-    groups = render_with_depth(request.scene, view.camera, request.settings.execution).color
+    groups = render_with_depth(request.scene, view.camera).color
     return replace(view, image=view.image + groups - session.unedited.rendering(i).color)
 
 
@@ -137,7 +137,6 @@ class Update:
                 update,
                 request.features,
                 request.generator,
-                request.settings.execution,
             )
             for step, loss in enumerate(losses, start=self.done + self.first + 1):
                 progress.work.steps += 1
@@ -164,7 +163,7 @@ class Solve:
             optimizer.raise_negative_colors(inside)
             start, views = optimizer.scene.detach(), list(targets.values())
             pictures = None if request.coarse is None else [preview(session, i) for i in targets]
-            how: dict[str, Any] = {"pictures": pictures, "execution": request.settings.execution}
+            how: dict[str, Any] = {"pictures": pictures}
             if request.keeps_strokes:
                 how["shares"] = _leading_shares(session, start, targets)
                 how["band_penalty"] = BAND_PENALTY
@@ -194,7 +193,7 @@ def _leading_shares(
     """Weights of the targets' pixels, by the view that sees the place of a Gaussian best."""
     leading = leading_views(session.weights[list(targets)], scene.means)
     cameras = [view.camera for view in targets.values()]
-    return leading_shares(scene, cameras, leading, session.request.settings.execution)
+    return leading_shares(scene, cameras, leading)
 
 
 def _keep_strokes(
@@ -206,7 +205,6 @@ def _keep_strokes(
     found = stroke_steps(
         session.scene, list(targets.values()), session.region.inside, total, request.features,
         request.generator, pictures=[preview(session, i) for i in targets], shares=shares,
-        execution=request.settings.execution,
     )  # fmt: skip
     for step, item in enumerate(found, start=1):
         if isinstance(item, Gaussians):

@@ -32,10 +32,9 @@ from gsedit.select.region import (
 )
 from gsedit.select.surfaces import neighbors
 from gsedit.views.dataset import View
-from gsedit.views.depth_maps import DEFAULT_RULES, NO_RULES
+from gsedit.views.depth_maps import DEFAULT_RULES
 from gsedit.views.image_ops import downscale, pad_camera, pad_to_multiple
 from rasterizer.camera import Camera
-from rasterizer.numerics import Execution
 from rasterizer.scene import Gaussians
 
 MAX_OUTSIDE_SHARE = 0.25
@@ -68,7 +67,6 @@ def vote_region(
     cameras: Sequence[Camera],
     edited: Mapping[int, Float[Tensor, "h w 3"]],
     originals: Mapping[int, Float[Tensor, "h w 3"]],
-    execution: Execution,
 ) -> Region:
     """The region that the editor changed, voted over the edited views.
 
@@ -76,7 +74,7 @@ def vote_region(
     """
     # the root mean square over the channels
     changes = [(image - originals[i]).square().mean(-1).sqrt() for i, image in edited.items()]
-    lifted = lift(scene, [cameras[i] for i in edited], changes, execution)
+    lifted = lift(scene, [cameras[i] for i in edited], changes)
     inside = find_changed(scene, lifted)
     if inside is None:
         return Region(everything(scene).inside, "auto: the edit is of the whole scene")
@@ -151,10 +149,7 @@ def _accept(
         if first:
             originals = {i: session.unedited.condition(i) for i in edited.answers}
             cameras = [view.camera for view in views]
-            execution = request.settings.execution
-            edited.region = vote_region(
-                request.scene, cameras, edited.answers, originals, execution
-            )
+            edited.region = vote_region(request.scene, cameras, edited.answers, originals)
             edited.voted = True
             yield Event("region", stopwatch.seconds, step, steps, note=str(edited.region))
         for i in edited.answers if first else answers:  # earlier ones had no region yet
@@ -217,7 +212,6 @@ def find_ground_truth(session: Session, edited: Mapping[int, Float[Tensor, "h w 
 def match_views(session: Session, members: Sequence[int]) -> Correspondences:
     """Match latent cells of these views that show the same place, by the unedited scene's depth."""
     unedited, cell = session.unedited, session.request.editor.cell
-    visibility = session.request.settings.visibility
     renderings = [unedited.edit_rendering(i) for i in members]
     depths = [r.median_depth for r in renderings if r.median_depth is not None]
     alphas = [r.alpha for r in renderings]
@@ -227,8 +221,8 @@ def match_views(session: Session, members: Sequence[int]) -> Correspondences:
         pad_to_multiple(torch.stack(depths), cell, "constant"),
         pad_to_multiple(torch.stack(alphas), cell, "constant"),
         cell=cell,
-        rules=DEFAULT_RULES if visibility else NO_RULES,
-        apart=_apart(session.weights, members) if visibility else set(),
+        rules=DEFAULT_RULES,
+        apart=_apart(session.weights, members),
     )
 
 
@@ -298,8 +292,8 @@ def _subject(session: Session, cameras: Sequence[Camera]) -> Float[Tensor, "v h 
     the editor decides: the region is everything, or comes from its edits."""
     if session.region.is_all or session.progress.edited.voted:
         return None
-    scene, execution = session.request.scene, session.request.settings.execution
-    return torch.stack([coverage(session.region, scene, c, execution) for c in cameras])
+    scene = session.request.scene
+    return torch.stack([coverage(session.region, scene, c) for c in cameras])
 
 
 def _at_edit_size(

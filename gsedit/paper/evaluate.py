@@ -87,8 +87,7 @@ def _evaluation_input(
     scene, region = session.whole_scene(), session.region
     if request.coarse is not None:
         region = replace(region, inside=request.coarse.expand(region.inside))
-    execution = request.settings.execution
-    finals = {i: render_picture(scene, views[i].camera, execution) for i in (*shown, *measured)}
+    finals = {i: render_picture(scene, views[i].camera) for i in (*shown, *measured)}
     targets = {i: view.image for i, view in session.progress.edited.targets.items()}
     return EvaluationInput(
         scene,
@@ -97,7 +96,6 @@ def _evaluation_input(
         targets_are=TARGETS_ARE,
         unedited=request.whole,
         region=region,
-        execution=execution,
         max_perceptual_views=MAX_PROGRESS_VIEWS,
         ground_truth=true_edits(session, request.evaluation_views),
         finals=finals,

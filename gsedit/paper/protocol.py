@@ -103,10 +103,8 @@ class Capabilities:
     denoiser: Denoiser | None = None
     """The diffusion model, for strategies that use it directly (score distillation); None where
     there is none. A denoiser's own record leaves it None: the editor around it fills it in."""
-    with_micro_batch: Callable[[int], Denoiser] | None = None
-    """Make this denoiser with that many views in one pass of its network; the predictions are equal
-    but for rounding. None where no network is run: then memory is not
-    measured."""
+    runs_network: bool = False
+    """Whether this denoiser evaluates a network: its cost is measured, and it may be rounded."""
     best_size: int | None = None
     """Longer side, pixels, of the pictures that it edits best: larger views are edited at this size
     and the change is carried up. None: any size."""

@@ -24,7 +24,6 @@ from gsedit.views.dataset import Dataset, View, evenly_spaced
 from gsedit.views.lazy_views import of_one_size
 from gsedit.views.viewpoints import Viewpoint, Views, that_see, thinned
 from rasterizer.camera import Camera
-from rasterizer.numerics import Execution
 from rasterizer.scene import Gaussians
 
 
@@ -157,7 +156,7 @@ def build_request(
     method.check(prompt)
     check_installed(settings.update)
     editor = method.editor
-    some, held_out = split_views(_pictures(views, scene, settings.execution))
+    some, held_out = split_views(_pictures(views, scene))
     settings = _with_defaults(settings, editor, (some or held_out)[0].camera)
     cameras = [view.camera for view in (*some, *held_out)]
     coarse = _merged(scene, settings, strategy, cameras)
@@ -169,15 +168,15 @@ def build_request(
     )  # fmt: skip
 
 
-def _pictures(views: Views, scene: Gaussians, execution: Execution) -> Dataset:
+def _pictures(views: Views, scene: Gaussians) -> Dataset:
     """Views with pictures: photos, or renders that are made when they are read. Of many cameras
     every k-th is taken, and those that see nothing of the scene are left out."""
     if isinstance(views, Dataset):
         return views
-    seeing = that_see(thinned(views), scene, execution)
+    seeing = that_see(thinned(views), scene)
 
     def view(each: Viewpoint) -> View:
-        render: Any = partial(render_picture, scene, each.camera, execution)
+        render: Any = partial(render_picture, scene, each.camera)
         return View(each.name, each.camera, render, None, None, each.lens)
 
     return Dataset(tuple(map(view, seeing)))

@@ -147,18 +147,15 @@ def preview(session: Session, i: int, camera: Camera | None = None) -> Float[Ten
     For a large scene: the unedited picture, with the change of its merged scene added.
     """
     request, unedited = session.request, session.unedited
-    execution, own = request.settings.execution, request.every_view[i].camera
+    own = request.every_view[i].camera
     camera = camera or own
     is_unedited = not session.progress.work.steps
     if request.coarse is None and not is_unedited:
-        return render_picture(session.scene, camera, execution)
+        return render_picture(session.scene, camera)
     before = unedited.rendering(i) if camera is own else unedited.edit_rendering(i)
     if is_unedited:
         return before.color.clamp(0, 1)
-    now, then = (
-        render_with_depth(scene, camera, execution).color
-        for scene in (session.scene, request.scene)
-    )
+    now, then = (render_with_depth(scene, camera).color for scene in (session.scene, request.scene))
     return (before.color + now - then).clamp(0, 1)
 
 

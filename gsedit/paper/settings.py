@@ -40,9 +40,6 @@ class EditSettings:
     anchors: int = 4
     """Most finished views that a batch is tied to, 0 or more. They cost comparisons, no evaluation
     of the network."""
-    visibility: bool = True
-    """Whether cells of two views must pass every rule to correspond (depths agree, no silhouette,
-    similar angle, ...); without, it is enough that each is the other's nearest."""
     geometry: Literal["appearance", "full"] = field(
         default="appearance", metadata={"flag": "--geometry"}
     )

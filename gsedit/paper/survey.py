@@ -33,11 +33,11 @@ def survey_views(
     Returns the request with the bands that are fitted, the plan, and how much each view sees of
     each Gaussian, in pixels of a small picture. Raises UsageError where no view sees the scene.
     """
-    settings, views = request.settings, request.views
+    views = request.views
     yield Event("survey", stopwatch.seconds, note=f"{len(views)} views")
     with stopwatch.stage("survey"):
         cameras = [view.camera for view in views]
-        weights = survey(request.scene, cameras, settings.execution)
+        weights = survey(request.scene, cameras)
         plan = plan or _plan(request, weights)
         scene = request.scene
         least = MOST_COEFFICIENTS if request.solves else 1

@@ -12,7 +12,6 @@ from gsedit.paper.request import Request
 from gsedit.select.region import Region, coverage
 from gsedit.views.image_ops import downscale
 from rasterizer.camera import Camera
-from rasterizer.numerics import Execution
 from rasterizer.render import Rendering, render
 from rasterizer.scene import Gaussians
 
@@ -90,18 +89,18 @@ class UneditedRenders:
         known = self._coverages.get(i)
         if known is None or known[0] is not region:
             request, camera = self.request, self.request.every_view[i].camera
-            share = coverage(region, request.scene, camera, request.settings.execution)
+            share = coverage(region, request.scene, camera)
             known = self._coverages[i] = (region, share)
         return known[1]
 
     def _render(self, camera: Camera) -> Rendering:
-        return render_with_depth(self.request.whole, camera, self.request.settings.execution)
+        return render_with_depth(self.request.whole, camera)
 
 
 @torch.no_grad()
-def render_with_depth(scene: Gaussians, camera: Camera, execution: Execution) -> Rendering:
+def render_with_depth(scene: Gaussians, camera: Camera) -> Rendering:
     """A render without gradients, with median depth."""
-    return render(scene, camera, median_depth=True, execution=execution)
+    return render(scene, camera, median_depth=True)
 
 
 def edit_camera(camera: Camera, edit_size: int | None) -> Camera:

@@ -14,7 +14,6 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from rasterizer.camera import Camera
-from rasterizer.numerics import AUTO, Execution
 from rasterizer.render import contributions
 from rasterizer.scene import Gaussians
 
@@ -53,12 +52,10 @@ class ViewPlan:
         return tuple(view for batch in self.batches for view in batch)
 
 
-def survey(
-    scene: Gaussians, cameras: Sequence[Camera], execution: Execution = AUTO
-) -> Float[Tensor, "v n"]:
+def survey(scene: Gaussians, cameras: Sequence[Camera]) -> Float[Tensor, "v n"]:
     """How much each view sees of each Gaussian, in pixels of a small picture."""
     small = [camera.fitted(64) for camera in cameras]
-    return torch.stack([contributions(scene, camera, execution=execution) for camera in small])
+    return torch.stack([contributions(scene, camera) for camera in small])
 
 
 def view_overlap(a: Float[Tensor, "v n"], b: Float[Tensor, "u n"]) -> Float[Tensor, "v u"]:

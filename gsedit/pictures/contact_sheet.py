@@ -119,12 +119,11 @@ def difference_sheet(
         ]
 
     cameras = {i: subject.views.viewpoints[i].camera for i in shown}
-    execution = subject.execution
-    finals = {i: render_picture(subject.scene, each, execution) for i, each in cameras.items()}
+    finals = {i: render_picture(subject.scene, each) for i, each in cameras.items()}
     rows, before = [], {}
     if subject.unedited is not None:
         original = subject.unedited
-        before = {i: render_picture(original, each, execution) for i, each in cameras.items()}
+        before = {i: render_picture(original, each) for i, each in cameras.items()}
         rows.append(("unedited scene", views(before)))
     wanted = {i: subject.targets[i] for i in shown if i in subject.targets}
     if wanted:

@@ -16,7 +16,7 @@ from gsedit.pictures import MapName
 from gsedit.pictures.maps import SOLID, Maps, depth_colors, depth_range, render_maps, wipe
 from gsedit.views.dataset import evenly_spaced
 from rasterizer.camera import Camera
-from rasterizer.numerics import AUTO, DEFAULT, Execution, Numerics
+from rasterizer.numerics import DEFAULT, Numerics
 from rasterizer.scene import Gaussians
 
 PROBES, PROBE_SIZE = 8, 96
@@ -36,7 +36,6 @@ class Animation:
     moving: bool = True
     """Whether the line moves; else it is in the middle."""
     background: Float[Tensor, "3"] | None = None
-    execution: Execution = AUTO
     numerics: tuple[Numerics, Numerics] = (DEFAULT, DEFAULT)
     """Numerics of the scene and of the second one: `antialiased` where it was trained so."""
 
@@ -47,7 +46,7 @@ class Animation:
         """The frames, each rendered when it is asked for; their depths have one scale."""
         near_far = None
         if "depth" in self.show and self.wiped is None:
-            near_far = depth_scale(self.scene, self.cameras, self.execution, self.numerics[0])
+            near_far = depth_scale(self.scene, self.cameras, self.numerics[0])
         return (self.frame(index, near_far) for index in range(len(self)))
 
     def frame(
@@ -57,7 +56,7 @@ class Animation:
         if self.wiped is not None:
             picture = wipe(
                 self.scene, self.wiped, self.cameras[index], self.share(index),
-                background=self.background, numerics=self.numerics, execution=self.execution,
+                background=self.background, numerics=self.numerics,
             )  # fmt: skip
             return eight_bits(picture)
         return panels(self.maps(index), self.show, near_far)
@@ -66,7 +65,7 @@ class Animation:
         """The maps of one frame that are shown."""
         return render_maps(
             self.scene, self.cameras[index], self.show, background=self.background,
-            numerics=self.numerics[0], execution=self.execution,
+            numerics=self.numerics[0],
         )  # fmt: skip
 
     def share(self, index: int) -> float:
@@ -84,14 +83,13 @@ def panels(
 def depth_scale(
     scene: Gaussians,
     cameras: Sequence[Camera],
-    execution: Execution = AUTO,
     numerics: Numerics = DEFAULT,
 ) -> tuple[float, float]:
     """The near and far ends of a color scale for all frames, from small renders of some."""
     depths, alphas = [], []
     for index in evenly_spaced(len(cameras), PROBES):
         small = cameras[index].fitted(PROBE_SIZE)
-        maps = render_maps(scene, small, ("depth",), numerics=numerics, execution=execution)
+        maps = render_maps(scene, small, ("depth",), numerics=numerics)
         assert maps.depth is not None
         depths.append(maps.depth)
         alphas.append(maps.alpha)

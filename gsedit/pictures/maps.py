@@ -17,7 +17,7 @@ from gsedit.pictures import MapName
 from gsedit.run.environment import load_extra
 from gsedit.views.normals import facing, shortest_axes
 from rasterizer.camera import Camera
-from rasterizer.numerics import AUTO, DEFAULT, SH_DC, Execution, Numerics
+from rasterizer.numerics import DEFAULT, SH_DC, Numerics
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
 
@@ -119,7 +119,6 @@ def render_maps(
     *,
     background: Float[Tensor, "3"] | None = None,
     numerics: Numerics = DEFAULT,
-    execution: Execution = AUTO,
 ) -> Maps:
     """The wanted maps of a view; color and alpha are always there. `normals` cost a second render,
     of SH degree 0."""
@@ -129,17 +128,16 @@ def render_maps(
         background=background,
         median_depth="depth" in wanted,
         numerics=numerics,
-        execution=execution,
     )
     normals = None
     if "normals" in wanted:
-        normals = normal_map(scene, camera, numerics=numerics, execution=execution)
+        normals = normal_map(scene, camera, numerics=numerics)
     return Maps(drawn.color, drawn.alpha, drawn.median_depth, normals)
 
 
 @torch.no_grad()
 def normal_map(
-    scene: Gaussians, camera: Camera, *, numerics: Numerics = DEFAULT, execution: Execution = AUTO
+    scene: Gaussians, camera: Camera, *, numerics: Numerics = DEFAULT
 ) -> Float[Tensor, "h w 3"]:
     """Unit normals: the Gaussians' shortest axes, turned to the camera, blended as colors are.
 
@@ -152,7 +150,7 @@ def normal_map(
     axes = axes * axes.new_tensor((1.0, -1.0, -1.0))  # y up, z to the viewer
     # as colors in [0, 1]: the blend of n / 2 + 1 / 2 is (the blend of n) / 2 + alpha / 2
     colored = replace(scene, sh=(axes / 2 / SH_DC)[:, None])
-    drawn = render(colored, camera, numerics=numerics, execution=execution)
+    drawn = render(colored, camera, numerics=numerics)
     blended = 2 * drawn.color - drawn.alpha[..., None]
     length = blended.norm(dim=-1, keepdim=True)
     return blended / length.clamp_min(FAINT) * (length > FAINT)
@@ -167,7 +165,6 @@ def wipe(
     *,
     background: Float[Tensor, "3"] | None = None,
     numerics: tuple[Numerics, Numerics] = (DEFAULT, DEFAULT),
-    execution: Execution = AUTO,
 ) -> Float[Tensor, "h w 3"]:
     """The picture of `before` on the left `share` of the width, in [0, 1], that of `after` on the
     rest, and a white line with dark borders between them, 1/200 of the width, at least 2 pixels.
@@ -183,7 +180,6 @@ def wipe(
             crop=(left, 0, size, height),
             background=background,
             numerics=own,
-            execution=execution,
         ).color
         for scene, own, left, size in (
             (before, numerics[0], 0, edge),

@@ -19,7 +19,7 @@ from gsedit.run.atomic import atomic_path
 from gsedit.run.environment import load_extra
 from gsedit.scene.color_space import linear_of_srgb
 from rasterizer.camera import Camera
-from rasterizer.numerics import AUTO, DEFAULT, Execution, Numerics
+from rasterizer.numerics import DEFAULT, Numerics
 from rasterizer.scene import Gaussians
 
 Shown = Sequence[MapName]
@@ -60,7 +60,6 @@ def write_view(
     background: Float[Tensor, "3"] | None = None,
     transparent: bool = False,
     numerics: Numerics = DEFAULT,
-    execution: Execution = AUTO,
     overwrite: bool = False,
 ) -> list[Path]:
     """Render a view and write its maps into files that begin with STEM; the files written.
@@ -75,9 +74,7 @@ def write_view(
     Raises UsageError where a file exists, unless `overwrite`.
     """
     stem = Path(stem)
-    maps = render_maps(
-        scene, camera, show, background=background, numerics=numerics, execution=execution
-    )
+    maps = render_maps(scene, camera, show, background=background, numerics=numerics)
     if format == "exr":
         path = stem.with_name(f"{stem.name}.exr")
         write_exr(maps, show, path, overwrite=overwrite)

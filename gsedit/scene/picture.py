@@ -7,14 +7,14 @@ from jaxtyping import Float
 from torch import Tensor
 
 from rasterizer.camera import Camera
-from rasterizer.numerics import AUTO, DEFAULT, Execution, Numerics
+from rasterizer.numerics import DEFAULT, Numerics
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
 
 
 @torch.no_grad()
 def render_picture(
-    scene: Gaussians, camera: Camera, execution: Execution = AUTO, numerics: Numerics = DEFAULT
+    scene: Gaussians, camera: Camera, numerics: Numerics = DEFAULT
 ) -> Float[Tensor, "h w 3"]:
     """Render the colors over black, clamped to [0, 1], without gradients."""
-    return render(scene, camera, numerics=numerics, execution=execution).color.clamp(0, 1)
+    return render(scene, camera, numerics=numerics).color.clamp(0, 1)

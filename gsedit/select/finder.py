@@ -41,7 +41,6 @@ from gsedit.views.viewpoints import Viewpoint, view_named
 from gsedit.words.phrases import BASED, CARRIERS, IT, PRONOUNS, is_noun
 from rasterizer.camera import Camera
 from rasterizer.compiled import cache_folder
-from rasterizer.numerics import AUTO, Execution, ruled
 from rasterizer.scene import Gaussians
 
 ALIKE = 0.05
@@ -76,14 +75,13 @@ class Finder:
         viewpoints: Sequence[Viewpoint] = (),
         region: str = "auto",
         names: Names | None = None,
-        execution: Execution = AUTO,
         coarse: MergedScene | None = None,
     ) -> None:
         """Keep the scene, the views in which it is looked at (none: some are found), and the
         region that stands for the subject; nothing is computed yet. Where the scene holds the
         groups of a large one, `coarse` maps between both."""
         self.scene, self.region = scene.detach(), region
-        self.names, self.execution, self._coarse = names or Names(), execution, coarse
+        self.names, self._coarse = names or Names(), coarse
         self._given, self._known = tuple(viewpoints), dict[str, Region]()
 
     @cached_property
@@ -103,7 +101,7 @@ class Finder:
 
     def in_region(self, region: str, names: Names) -> Finder:
         """A finder of the same scene with another region for its subject, and other names."""
-        other = Finder(self.scene, self.viewpoints, region, names, self.execution, self._coarse)
+        other = Finder(self.scene, self.viewpoints, region, names, self._coarse)
         other.selector = self.selector
         return other
 
@@ -145,11 +143,10 @@ class Finder:
         """
         known = self._known  # a search that runs keeps its result in the names of its beginning
         if text not in known:
-            known[text] = self._select(text, self.execution)
+            known[text] = self._select(text)
         return known[text]
 
-    @ruled
-    def _select(self, text: str, execution: Execution) -> Region:
+    def _select(self, text: str) -> Region:
         expression = expression_of(text)
         rule = where(expression, questions(lambda _: self))
         if rule.question is not None:

@@ -21,7 +21,7 @@ from gsedit.select.surfaces import neighbors, smooth
 from gsedit.views.dataset import evenly_spaced
 from rasterizer.camera import Camera
 from rasterizer.color_weights import color_weights
-from rasterizer.numerics import AUTO, Execution, color_to_sh
+from rasterizer.numerics import color_to_sh
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
 
@@ -58,14 +58,12 @@ def everything(scene: Gaussians) -> Region:
 
 
 @torch.no_grad()
-def coverage(
-    region: Region, scene: Gaussians, camera: Camera, execution: Execution = AUTO
-) -> Float[Tensor, "h w"]:
+def coverage(region: Region, scene: Gaussians, camera: Camera) -> Float[Tensor, "h w"]:
     """The share of each pixel that comes from the region's Gaussians: the sum of their blending
     weights, in [0, 1]. What is left comes from the other Gaussians and the background."""
     if region.is_all:
         return torch.ones(camera.height, camera.width, dtype=scene.means.dtype)
-    return render(in_one_color(scene, region.inside), camera, execution=execution).color[..., 0]
+    return render(in_one_color(scene, region.inside), camera).color[..., 0]
 
 
 def in_one_color(scene: Gaussians, values: Bool[Tensor, " n"] | Float[Tensor, " n"]) -> Gaussians:
@@ -103,14 +101,13 @@ def lift(
     scene: Gaussians,
     cameras: Sequence[Camera],
     maps: Sequence[Float[Tensor, "h w"]],
-    execution: Execution = AUTO,
 ) -> Lifted:
     """Means over all views of maps with one value a pixel; a map has its camera's size."""
     sums = scene.means.new_zeros(len(scene), 3)
     for camera, values in zip(cameras, maps, strict=True):
         ones = torch.ones_like(values)
         stacked = torch.stack((values, ones, ones), -1)
-        sums += color_weights(scene, camera, execution=execution).back(stacked.to(sums))
+        sums += color_weights(scene, camera).back(stacked.to(sums))
     total, weight, _ = sums.unbind(-1)
     return Lifted(total / weight.clamp_min(1e-9), weight)
 

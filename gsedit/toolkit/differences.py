@@ -25,7 +25,7 @@ from gsedit.scene.picture import render_picture
 from gsedit.toolkit.decimate import SIZE, VIEWS
 from gsedit.views.around import find_views, view_names
 from gsedit.views.viewpoints import Viewpoint
-from rasterizer.numerics import AUTO, DEFAULT, Execution, Numerics, sh_to_color
+from rasterizer.numerics import DEFAULT, Numerics, sh_to_color
 from rasterizer.scene import Gaussians
 
 QUANTILES = (0.01, 0.5, 0.99)
@@ -129,7 +129,6 @@ def diff(
     viewpoints: Sequence[Viewpoint] | None = None,
     *,
     numerics: tuple[Numerics, Numerics] = (DEFAULT, DEFAULT),
-    execution: Execution = AUTO,
     progress: Callable[[int, int], None] | None = None,
 ) -> SceneDifference:
     """Compare two scenes, `a` before and `b` after, from the same cameras.
@@ -141,13 +140,12 @@ def diff(
         raise UsageError("a scene without Gaussians cannot be compared")
     a, b = a.detach(), b.detach()
     if viewpoints is None:
-        cameras = find_views(a, VIEWS, SIZE, execution=execution)
+        cameras = find_views(a, VIEWS, SIZE)
         viewpoints = tuple(map(Viewpoint, view_names(len(cameras)), cameras))
     views, errors = [], []
     for done, viewpoint in enumerate(viewpoints, 1):
         before, after = (
-            render_picture(scene, viewpoint.camera, execution, own)
-            for scene, own in zip((a, b), numerics)
+            render_picture(scene, viewpoint.camera, own) for scene, own in zip((a, b), numerics)
         )
         errors.append(metrics.squared_error(after, before))
         largest = float((after - before).abs().max())

@@ -35,7 +35,7 @@ from gsedit.views.search import (
 )
 from gsedit.views.viewpoints import Viewpoint, rendered
 from rasterizer.camera import Camera, look_at
-from rasterizer.numerics import AUTO, SH_DC, Execution
+from rasterizer.numerics import SH_DC
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
 
@@ -52,7 +52,6 @@ def around(
     *,
     look_at: Float[Tensor, "3"] | None = None,
     eye: Float[Tensor, "3"] | None = None,
-    execution: Execution = AUTO,
 ) -> Dataset:
     """Render a scene, `size` pixels square, from where it looks as if it was captured.
 
@@ -63,8 +62,8 @@ def around(
     if up is not None and not (up.isfinite().all() and up.any()):
         raise UsageError(f"up {up.tolist()} is no direction: three finite numbers, not all 0")
     wish = ViewConstraints(up, look_at, eye)
-    found = find_viewpoints(scene, size=size, wish=wish, execution=execution)
-    return rendered(scene, found, execution)
+    found = find_viewpoints(scene, size=size, wish=wish)
+    return rendered(scene, found)
 
 
 def find_viewpoints(
@@ -74,7 +73,6 @@ def find_viewpoints(
     *,
     wish: ViewConstraints | None = None,
     rings: Sequence[float] = (ELEVATION,),
-    execution: Execution = AUTO,
 ) -> tuple[Viewpoint, ...]:
     """Find at most `count` viewpoints from which the scene looks as if it was captured.
 
@@ -86,7 +84,7 @@ def find_viewpoints(
         raise UsageError("the scene is empty: there is nothing to see")
     merged = coarsen(scene)
     searched = scene if merged is None else merged.scene
-    cameras = find_views(searched, count, size, wish=wish, rings=rings, execution=execution)
+    cameras = find_views(searched, count, size, wish=wish, rings=rings)
     return tuple(map(Viewpoint, view_names(len(cameras)), cameras))
 
 
@@ -95,12 +93,11 @@ def cameras_of(
     cameras: Sequence[Camera] = (),
     count: int = FOUND_VIEWS,
     size: int = FOUND_SIZE_PIXELS,
-    execution: Execution = AUTO,
 ) -> Sequence[Camera]:
     """The cameras, or found ones where there are none: see `find_viewpoints`."""
     if cameras:
         return cameras
-    found = find_viewpoints(scene, count, size, execution=execution)
+    found = find_viewpoints(scene, count, size)
     return [each.camera for each in found]
 
 
@@ -188,7 +185,6 @@ def find_views(
     *,
     wish: ViewConstraints | None = None,
     rings: Sequence[float] = (ELEVATION,),
-    execution: Execution = AUTO,
     effort: SearchEffort = EFFORT,
 ) -> tuple[Camera, ...]:
     """At most `count` views of `size`^2 pixels from where a scene looks as if it was captured.
@@ -207,7 +203,7 @@ def find_views(
     places = find_places(draw_sample(scene, generator), wish, generator, effort)
     if free and places.enclosed < SURROUNDED:
         return _orbits(scene, count, size, wish.up, rings)
-    judged = _judged(scene, places, count, wish, generator, execution, ball.near, effort)
+    judged = _judged(scene, places, count, wish, generator, ball.near, effort)
     up = _up(scene, judged) if wish.up is None else wish.up
     chosen = [upright(judged[i].camera, up) for i in cover(judged, count)]
     if wish.eye is not None and wish.look_at is not None:  # the first view is the very one
@@ -271,16 +267,14 @@ def pick(views: Candidates, count: int) -> list[int]:
 
 
 @torch.no_grad()
-def score_render(scene: Gaussians, camera: Camera, execution: Execution = AUTO) -> ScoredView:
+def score_render(scene: Gaussians, camera: Camera) -> ScoredView:
     """The score of a view from a small render: as in `score_panorama`, less
     the spread of depths in rays."""
     radius = ((scene.log_scales.sum(-1) - scene.log_scales.amin(-1)) / 2).exp()
     distance = (scene.means - camera.center.to(scene.means)).norm(dim=-1)
     with torch.enable_grad():
         dc = torch.zeros(len(scene), 1, 3, dtype=scene.means.dtype, requires_grad=True)
-        drawn = render(
-            replace(scene, sh=dc), camera, depth=True, median_depth=True, execution=execution
-        )
+        drawn = render(replace(scene, sh=dc), camera, depth=True, median_depth=True)
         (slope,) = torch.autograd.grad(drawn.color[..., 0].sum(), dc)  # linear in the color
     weights = slope[:, 0, 0] / SH_DC
     total = weights.sum().clamp_min(1e-9)
@@ -336,7 +330,6 @@ def _judged(
     count: int,
     wish: ViewConstraints,
     generator: torch.Generator,
-    execution: Execution,
     near: float,
     effort: SearchEffort,
 ) -> list[ScoredView]:
@@ -347,14 +340,14 @@ def _judged(
     for i in pick(views, effort.rendered):
         eye, forward = views.eyes[i].double(), views.forwards[i].double()
         camera = look_at(eye, eye + forward, perpendicular(forward), FOV, SMALL, SMALL)
-        judged.append(score_render(scene, replace(camera, near=near), execution))
+        judged.append(score_render(scene, replace(camera, near=near)))
     least, most = effort.rounds
     for i in range(most):
         admitted = _admitted(judged)
         if i >= least and len(admitted) >= count:
             break
         judged += [
-            score_render(scene, replace(camera, near=near), execution)
+            score_render(scene, replace(camera, near=near))
             for camera in vary(admitted, effort.varied, wish, generator)
         ]
     return _admitted(judged)

@@ -15,7 +15,6 @@ from gsedit.scene.picture import render_picture
 from gsedit.views.image_ops import downscale
 from gsedit.views.undistort import Lens
 from rasterizer.camera import Camera
-from rasterizer.numerics import AUTO, Execution
 from rasterizer.scene import Gaussians
 
 LEAST_SHARE = 1e-4
@@ -133,11 +132,9 @@ def evenly_spaced(count: int, at_most: int) -> list[int]:
     return [index * count // number for index in range(number)]
 
 
-def capture(
-    scene: Gaussians, cameras: Sequence[Camera], names: Sequence[str], execution: Execution = AUTO
-) -> tuple[View, ...]:
+def capture(scene: Gaussians, cameras: Sequence[Camera], names: Sequence[str]) -> tuple[View, ...]:
     """Renders of a scene as views, clamped to [0, 1]; one name for each camera."""
     return tuple(
-        View(name, camera, render_picture(scene, camera, execution))
+        View(name, camera, render_picture(scene, camera))
         for name, camera in zip(names, cameras, strict=True)
     )

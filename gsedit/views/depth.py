@@ -17,7 +17,6 @@ from torch import Tensor
 
 from gsedit.errors import UsageError
 from rasterizer.camera import Camera
-from rasterizer.numerics import AUTO, Execution
 from rasterizer.project import rotation_matrices
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
@@ -57,12 +56,12 @@ class SeenSurface:
 
 
 @torch.no_grad()
-def seen_surface(scene: Gaussians, camera: Camera, execution: Execution = AUTO) -> SeenSurface:
+def seen_surface(scene: Gaussians, camera: Camera) -> SeenSurface:
     """The surface that a camera sees: where rays meet the planes of the median Gaussians.
 
     The plane of a Gaussian is where its density is largest along each ray, lifted by LIFT.
     """
-    drawn = render(scene, camera, median_depth=True, execution=execution)
+    drawn = render(scene, camera, median_depth=True)
     assert drawn.median_row is not None
     found = drawn.median_row >= 0
     rows, inverse = drawn.median_row[found].unique(return_inverse=True)
@@ -114,9 +113,7 @@ def _rays(camera: Camera, found: Bool[Tensor, "h w"]) -> Float[Tensor, "m 3"]:
 
 
 @torch.no_grad()
-def point_at(
-    scene: Gaussians, camera: Camera, x: float, y: float, execution: Execution = AUTO
-) -> Float[Tensor, "3"]:
+def point_at(scene: Gaussians, camera: Camera, x: float, y: float) -> Float[Tensor, "3"]:
     """The point of the surface that a camera sees at a pixel, world units, float64.
 
     The middle of the top left pixel is at 0.5, 0.5. Raises UsageError outside of the picture, or
@@ -127,7 +124,7 @@ def point_at(
             f"pixel {x:g},{y:g} is outside of the picture, {camera.width} x {camera.height} pixels"
         )
     box = (int(x), int(y), 1, 1)
-    depth = render(scene, camera, crop=box, median_depth=True, execution=execution).median_depth
+    depth = render(scene, camera, crop=box, median_depth=True).median_depth
     assert depth is not None
     if float(depth[0, 0]) <= 0:
         raise UsageError(f"nothing is seen at pixel {x:g},{y:g}: choose one on an object")

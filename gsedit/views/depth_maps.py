@@ -7,7 +7,6 @@ pixel at (0, 0). Depth is along the view, 0 where nothing was rendered.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import inf
 from typing import NamedTuple
 
 import torch
@@ -43,8 +42,6 @@ class Visibility:
 
 
 DEFAULT_RULES = Visibility()
-NO_RULES = Visibility(0.9, inf, inf, inf, inf, 180.0)
-"""Nothing but something opaque to correspond with: what the rules are compared with."""
 ROUNDING = 1e-6
 """Pixels: a position on the border of a picture is inside it, whatever float64 makes of it."""
 

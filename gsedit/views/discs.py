@@ -21,7 +21,7 @@ from gsedit.views.dataset import evenly_spaced
 from gsedit.views.depth import SeenSurface, seen_surface
 from gsedit.views.normals import all_around, visible_area
 from rasterizer.camera import Camera
-from rasterizer.numerics import AUTO, SH_DC, Execution
+from rasterizer.numerics import SH_DC
 from rasterizer.scene import Gaussians
 
 CELLS = 224
@@ -74,9 +74,7 @@ class Discs:
 
 
 @torch.no_grad()
-def discs_on(
-    part: Gaussians, cameras: Sequence[Camera] = (), execution: Execution = AUTO
-) -> Discs | None:
+def discs_on(part: Gaussians, cameras: Sequence[Camera] = ()) -> Discs | None:
     """The discs on a part as the cameras see it alone, rings of cameras without any; None where
     there is no surface, or one of finer Gaussians than the discs would be."""
     low, high = ends(part.means, 0.003)
@@ -86,7 +84,7 @@ def discs_on(
     if cell <= 0 or cell > COARSEST * usual:
         return None
     views = [_in_cells(camera, part, cell) for camera in _chosen(list(cameras) or all_around(part))]
-    seen = [seen_surface(part, view, execution) for view in views]
+    seen = [seen_surface(part, view) for view in views]
     seen = [without_pits(each) for each in seen if bool(each.seen.any())]
     if not seen:
         return None

@@ -18,7 +18,7 @@ from gsedit.scene.neighbors import nearest
 from gsedit.views.dataset import evenly_spaced
 from gsedit.views.orbit import orbit
 from rasterizer.camera import Camera
-from rasterizer.numerics import AUTO, SH_DC, Execution
+from rasterizer.numerics import SH_DC
 from rasterizer.project import rotation_matrices
 from rasterizer.render import backproject, render
 from rasterizer.scene import Gaussians
@@ -55,7 +55,6 @@ class Normals:
 def estimate_normals(
     scene: Gaussians,
     cameras: Sequence[Camera] = (),
-    execution: Execution = AUTO,
     inside: Bool[Tensor, " a"] | None = None,
     near: Int[Tensor, "n k"] | None = None,
 ) -> Normals:
@@ -72,7 +71,7 @@ def estimate_normals(
     axes = shortest_axes(scene)
     seen = torch.zeros_like(scene.means)
     for camera in chosen:
-        seen += backproject(scene, camera, _view_normals(scene, axes, camera, execution))
+        seen += backproject(scene, camera, _view_normals(scene, axes, camera))
     middle = torch.stack([camera.center for camera in chosen]).mean(0).to(scene.means)
     means = scene.means
     if inside is not None:
@@ -150,13 +149,13 @@ def all_around(scene: Gaussians) -> list[Camera]:
 
 
 def _view_normals(
-    scene: Gaussians, axes: Float[Tensor, "n 3"], camera: Camera, execution: Execution
+    scene: Gaussians, axes: Float[Tensor, "n 3"], camera: Camera
 ) -> Float[Tensor, "h w 3"]:
     """A view's blend of axes and slope of depth: longer where they agree."""
     towards = facing(axes, scene, camera)
     # as colors in [0, 1]: the blend of n / 2 + 1 / 2 is (the blend of n) / 2 + alpha / 2
     colored = replace(scene, sh=(towards / 2 / SH_DC)[:, None])
-    drawn = render(colored, camera, median_depth=True, execution=execution)
+    drawn = render(colored, camera, median_depth=True)
     assert drawn.median_depth is not None
     blended = 2 * drawn.color - drawn.alpha[..., None]
     return blended + DEPTH_SHARE * normals_of_depth(camera, drawn.median_depth)

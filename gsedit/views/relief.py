@@ -16,7 +16,6 @@ from torch import Tensor
 from gsedit.scene.quantiles import ends
 from gsedit.views.orbit import parallel, perpendicular
 from rasterizer.camera import Camera
-from rasterizer.numerics import AUTO, Execution
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
 
@@ -135,9 +134,7 @@ class Relief:
         return around, same
 
 
-def relief_of(
-    part: Gaussians, axis: Float[Tensor, "3"], pixel: float, execution: Execution = AUTO
-) -> Relief:
+def relief_of(part: Gaussians, axis: Float[Tensor, "3"], pixel: float) -> Relief:
     """The surface of a part that is seen along a unit vector; pieces of FEWEST pixels are left
     out."""
     across = perpendicular(axis)
@@ -150,7 +147,7 @@ def relief_of(
     height, width = (int(float(side) / pixel) + 2 * MARGIN for side in (high - low)[:2])
     camera = parallel(center, axis, across, pixel, (width, height), reach)
     plain = replace(part, sh=part.sh[:, :1]).detach()
-    drawn = render(plain, camera, depth=True, median_depth=True, execution=execution)
+    drawn = render(plain, camera, depth=True, median_depth=True)
     median, mean = drawn.median_depth, drawn.depth
     assert median is not None
     assert mean is not None

@@ -16,7 +16,6 @@ from gsedit.scene.quaternions import even_directions
 from gsedit.views.orbit import parallel, perpendicular
 from gsedit.views.place import Place
 from rasterizer.camera import Camera, look_at
-from rasterizer.numerics import AUTO, Execution
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
 
@@ -42,7 +41,6 @@ def open_share(
     place: Place,
     points: Float[Tensor, "n 3"],
     directions: Float[Tensor, "d 3"],
-    execution: Execution = AUTO,
     *,
     normals: Float[Tensor, "n 3"] | None = None,
     side: int = SMALL_SKY,
@@ -55,7 +53,7 @@ def open_share(
     """
     if normals is not None:
         points = points + OFFSET_PIXELS * 2 * place.radius / side * normals
-    maps = (parallel_map(occluders, place, each, side, execution) for each in directions)
+    maps = (parallel_map(occluders, place, each, side) for each in directions)
     return torch.stack([lit_share(each, points, reach) for each in maps], 1)
 
 
@@ -63,7 +61,6 @@ def past_body(
     body: Gaussians,
     points: Float[Tensor, "n 3"],
     directions: Float[Tensor, "d 3"],
-    execution: Execution = AUTO,
     normals: Float[Tensor, "n 3"] | None = None,
 ) -> Float[Tensor, "n d"]:
     """Share, in [0, 1], of each direction's light that comes to points past one object, which the
@@ -75,7 +72,7 @@ def past_body(
     radius = 1.1 * float((means - middle).norm(dim=-1).amax()) + 1e-9
     up, front = torch.eye(3, dtype=torch.float64)[:2]
     place = Place(middle, up, front, 2 * radius, radius)
-    return open_share(solid, place, points, directions, execution, normals=normals)
+    return open_share(solid, place, points, directions, normals=normals)
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,12 +117,11 @@ def parallel_map(
     place: Place,
     direction: Float[Tensor, "3"],
     side: int,
-    execution: Execution = AUTO,
 ) -> DepthMap:
     """Depth of the place from far away along a unit vector, in parallel rays."""
     pixel, away = 2 * place.radius / side, 2 * place.radius
     camera = parallel(place.center, direction, place.up, pixel, (side, side), away)
-    return _drawn(occluders, replace(camera, near=1e-3 * place.radius), pixel, execution)
+    return _drawn(occluders, replace(camera, near=1e-3 * place.radius), pixel)
 
 
 def spot_map(
@@ -133,7 +129,6 @@ def spot_map(
     place: Place,
     eye: Float[Tensor, "3"],
     cone: float,
-    execution: Execution = AUTO,
 ) -> DepthMap:
     """Depth of the place from a lamp at `eye` that looks at its center; half a cone in degrees."""
     distance = float((eye - place.center).norm())
@@ -141,12 +136,12 @@ def spot_map(
     upward = place.up if abs(float(place.up @ towards)) < 0.99 else perpendicular(towards)
     camera = look_at(eye, place.center, upward, 2 * cone, SHARP, SHARP)
     camera = replace(camera, near=0.15 * distance)
-    return _drawn(occluders, camera, distance / camera.fx, execution)
+    return _drawn(occluders, camera, distance / camera.fx)
 
 
 @torch.no_grad()
-def _drawn(occluders: Gaussians, camera: Camera, pixel: float, execution: Execution) -> DepthMap:
-    depth = render(occluders, camera, median_depth=True, execution=execution).median_depth
+def _drawn(occluders: Gaussians, camera: Camera, pixel: float) -> DepthMap:
+    depth = render(occluders, camera, median_depth=True).median_depth
     assert depth is not None
     size = float(occluders.scales.amax(-1).median()) if len(occluders) else 0.0
     bias = BIAS_PIXELS * pixel + BIAS_SIZES * size

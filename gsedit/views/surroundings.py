@@ -25,7 +25,6 @@ from gsedit.scene.color_space import LUMINANCE, linear_of_srgb
 from gsedit.scene.framing import guess_up
 from gsedit.scene.quantiles import ends, weighted_quantile
 from rasterizer.camera import Camera, look_at
-from rasterizer.numerics import AUTO, Execution
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
 
@@ -163,7 +162,6 @@ def find_surroundings(
     scene: Gaussians,
     subject: Bool[Tensor, " n"],
     up: Float[Tensor, "3"] | None = None,
-    execution: Execution = AUTO,
     cameras: Sequence[Camera] = (),
 ) -> Surroundings:
     """The surroundings of the subject's Gaussians, from the middle of them, without them.
@@ -176,9 +174,7 @@ def find_surroundings(
     """
     center, radius = middle(scene, subject)
     near = 0.35 * radius  # its own remains are not surroundings
-    return light_at(
-        scene[~subject], center, near, guess_up(scene) if up is None else up, execution, cameras
-    )
+    return light_at(scene[~subject], center, near, guess_up(scene) if up is None else up, cameras)
 
 
 @torch.no_grad()
@@ -187,14 +183,13 @@ def light_at(
     center: Float[Tensor, "3"],
     near: float,
     up: Float[Tensor, "3"],
-    execution: Execution = AUTO,
     cameras: Sequence[Camera] = (),
 ) -> Surroundings:
     """The light of a scene around a place, see `find_surroundings`; nothing nearer than `near`,
     world units, is seen."""
     if not len(scene):
         return studio(center, up)
-    color, alpha, distance = panorama(scene, center, near, execution)
+    color, alpha, distance = panorama(scene, center, near)
     display = color / alpha.clamp_min(FAINT)[..., None]
     alpha = alpha * in_sight(center, distance, cameras)
     if float((alpha * cell_areas(ROWS)).sum()) < LEAST_SEEN * 4 * pi:
@@ -214,7 +209,7 @@ def middle(scene: Gaussians, subject: Bool[Tensor, " n"]) -> tuple[Float[Tensor,
 
 
 def panorama(
-    scene: Gaussians, center: Float[Tensor, "3"], near: float, execution: Execution = AUTO
+    scene: Gaussians, center: Float[Tensor, "3"], near: float
 ) -> tuple[Float[Tensor, "h w 3"], Float[Tensor, "h w"], Float[Tensor, "h w"]]:
     """Display color, blended over black, alpha, and distance in world units of all directions.
 
@@ -230,7 +225,7 @@ def panorama(
             eye = center.double()
             camera = look_at(eye, eye + forward, up, 90.0, FACE_PIXELS, FACE_PIXELS)
             camera = replace(camera, near=max(near, 1e-9))
-            drawn = render(plain, camera, median_depth=True, execution=execution)
+            drawn = render(plain, camera, median_depth=True)
             assert drawn.median_depth is not None
             maps = torch.cat(
                 (drawn.color, drawn.alpha[..., None], drawn.median_depth[..., None]), -1

@@ -15,7 +15,7 @@ from gsedit.scene.framing import NEAR_SHARE, bounds
 from gsedit.views.dataset import Dataset, capture
 from gsedit.views.undistort import Lens
 from rasterizer.camera import Camera
-from rasterizer.numerics import AUTO, DEFAULT, Execution
+from rasterizer.numerics import DEFAULT
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
 
@@ -108,25 +108,21 @@ def thinned(viewpoints: Sequence[Viewpoint], at_most: int = AT_MOST) -> tuple[Vi
 
 
 @torch.no_grad()
-def that_see(
-    viewpoints: Sequence[Viewpoint], scene: Gaussians, execution: Execution = AUTO
-) -> tuple[Viewpoint, ...]:
+def that_see(viewpoints: Sequence[Viewpoint], scene: Gaussians) -> tuple[Viewpoint, ...]:
     """Those whose picture shows something of the scene: cameras of another scene do not."""
     seeing = []
     for viewpoint in viewpoints:
         small = viewpoint.camera.fitted(32)
         # a camera of another scene, or frame, sees less
-        if float(render(scene, small, execution=execution).alpha.mean()) >= 0.01:
+        if float(render(scene, small).alpha.mean()) >= 0.01:
             seeing.append(viewpoint)
     return tuple(seeing)
 
 
-def rendered(
-    scene: Gaussians, viewpoints: Sequence[Viewpoint], execution: Execution = AUTO
-) -> Dataset:
+def rendered(scene: Gaussians, viewpoints: Sequence[Viewpoint]) -> Dataset:
     """Renders of the scene as a dataset: what an edit works on where there are no photos."""
     cameras, names = [v.camera for v in viewpoints], [v.name for v in viewpoints]
-    return Dataset(capture(scene.detach(), cameras, names, execution))
+    return Dataset(capture(scene.detach(), cameras, names))
 
 
 def viewpoints_near(viewpoints: Sequence[Viewpoint], scene: Gaussians) -> tuple[Viewpoint, ...]:

@@ -26,7 +26,7 @@ def scaled(scene, factor):
 def test_found_views_show_the_same_in_any_unit(factor, kernel):
     scene, execution = ball(300), Execution(kernel=kernel)
     for make in (
-        lambda each: find_views(each, 2, 32, execution=execution, effort=FEW),
+        lambda each: find_views(each, 2, 32, effort=FEW),
         lambda each: orbit(each, 2, 32),
         lambda each: [framing_camera(each, size=(32, 32))],
     ):

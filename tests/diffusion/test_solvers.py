@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import pytest
 import torch
-from research.figures import slope
+from closeness import slope
 from research.sampler.mixtures import MixtureProblem, exact_solution, mixture_problem, noised_draw
 from sampler_runs import FLOW, SD, UNGUIDED, generator, last, pair, run
 

@@ -8,8 +8,6 @@ import torch
 from programs import INVERT, batch, leftovers, run
 
 from gsedit.errors import GseditError, InputError, UsageError
-from gsedit.paper.consistency.correspond import Correspondences
-from gsedit.paper.diffusion.settings import SamplerSettings
 from gsedit.paper.editors import make_editor
 from gsedit.paper.editors.command.editor import Command
 
@@ -123,18 +121,3 @@ def test_pictures_that_are_missing_or_wrong(program, tmp_path, change, message):
         run(editor)
     assert "pictures are in" in str(caught.value)
     assert len(leftovers(tmp_path)) >= 3
-
-
-def test_a_program_s_pictures_are_harmonised(program):
-    code = INVERT.replace(
-        "ImageOps.invert(Image.open(path))", "Image.new('RGB', (8, 6), level(path))"
-    )
-    code = f"def level(path):\n    return (51 + 51 * int(path.stem),) * 3\n{code}"
-    labels = torch.arange(12).reshape(1, 3, 4).expand(2, -1, -1).contiguous()
-    request = batch(correspondences=Correspondences(labels, torch.ones(2, 2), 2))
-    apart = torch.stack((torch.full((6, 8, 3), 0.2), torch.full((6, 8, 3), 0.4)))
-    torch.testing.assert_close(run(program(code), request), apart)  # consensus is off
-    together = run(program(code), request, SamplerSettings())
-    torch.testing.assert_close(together, torch.full((2, 6, 8, 3), 0.3))
-    half = run(program(code), request, SamplerSettings(consensus_weight=0.5))
-    torch.testing.assert_close(half, apart * 0.5 + 0.15)

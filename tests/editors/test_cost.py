@@ -39,8 +39,8 @@ def test_an_edit_says_first_what_it_will_take(model):
     (note,) = (event.note for event in events if event.stage == "estimate")
     assert "6 views (2 of them to compare with), 3 steps of 3 branches" in note
     (result,) = (item for item in items if isinstance(item, EditResult))
-    views, conditions, first_view, two_batches = 4, 3, 1, 2 * 2
-    assert result.work.evaluations == conditions * (views * 3 + first_view + two_batches)
+    views, conditions, two_batches = 4, 3, 2 * 2
+    assert result.work.evaluations == conditions * (views * 3 + two_batches)
 
 
 def test_planning_edits_nothing_and_is_right_about_the_work(model):

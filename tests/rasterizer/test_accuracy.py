@@ -5,10 +5,10 @@ from functools import cache
 
 import pytest
 import torch
+from matching import match
 from small_scenes import scenes
 
 from gsedit.bench.synthetic import ring_cameras, surface_gaussians
-from gsedit.paper.consistency.correspond import match
 from rasterizer import render
 
 SCENES = {scene.name: scene for scene in scenes()}

@@ -2,7 +2,7 @@
 
 import pytest
 import torch
-from research.figures import slope
+from closeness import slope
 from research.sampler import consensus_study, solver_study
 from research.sampler.mixtures import exact_solution
 from research.sampler.overlapping import texture_views

@@ -14,7 +14,6 @@ from torch import Tensor
 from gsedit.run.state import tensor_like
 from gsedit.run.step_threads import on_threads
 from rasterizer.camera import Camera
-from rasterizer.numerics import AUTO, Execution
 from rasterizer.project import rotation_matrices
 from rasterizer.render import render
 from rasterizer.scene import Gaussians, concatenate
@@ -109,9 +108,7 @@ def densify(scene: Gaussians, gradients: Float[Tensor, " n"], target: int) -> De
 
 
 @torch.no_grad()
-def without_floaters(
-    scene: Gaussians, cameras: Sequence[Camera], execution: Execution = AUTO
-) -> Densified:
+def without_floaters(scene: Gaussians, cameras: Sequence[Camera]) -> Densified:
     """Remove what hangs before a camera: what no photo contradicts, since only that one sees it.
 
     Each camera's picture begins at the depth that PICTURE_BEGINS of its median depths are below;
@@ -119,7 +116,7 @@ def without_floaters(
     """
     kept = torch.ones(len(scene), dtype=torch.bool)
     for camera in cameras:
-        depths = render(scene, camera, median_depth=True, execution=execution).median_depth
+        depths = render(scene, camera, median_depth=True).median_depth
         assert depths is not None
         if not (seen := depths[depths > 0]).numel():
             continue

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import chain
@@ -40,7 +40,7 @@ from gsedit.scene.picture import render_picture
 from gsedit.views.dataset import Dataset, View
 from gsedit.views.lazy_views import PixelCache
 from rasterizer.blending.choose import is_compiled
-from rasterizer.numerics import AUTO, Execution
+from rasterizer.numerics import under
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
 
@@ -124,6 +124,19 @@ def fit_steps(
     fit.
     """
     settings = settings or FitSettings()
+    steps = _fit_steps(dataset, settings, generator, start, resume, clock)
+    return under(settings.execution, steps)
+
+
+def _fit_steps(
+    dataset: Dataset,
+    settings: FitSettings,
+    generator: torch.Generator,
+    start: Gaussians | None,
+    resume: State | None,
+    clock: Callable[[], float],
+) -> Generator[Event | Checkpoint | FitResult, None, None]:
+    """`fit_steps`, under the execution that rules."""
     train, held_out = dataset.split()
     if not train:
         raise UsageError(
@@ -176,7 +189,6 @@ def fit(
 def evaluate(
     scene: Gaussians,
     views: tuple[View, ...],
-    execution: Execution = AUTO,
 ) -> float:
     """Mean PSNR over views, dB, where their masks are True; infinite where all are equal.
 
@@ -186,7 +198,7 @@ def evaluate(
     if not views:
         raise UsageError("the masks hide every held-out photo: give masks that leave some pixels")
 
-    return fmean(psnr(render_picture(scene, v.camera, execution), v.image, v.mask) for v in views)
+    return fmean(psnr(render_picture(scene, v.camera), v.image, v.mask) for v in views)
 
 
 class _Fit:
@@ -272,9 +284,7 @@ class _Fit:
     def _loss(self, scene: Gaussians, view: View, background: Float[Tensor, "3"]) -> Tensor:
         """Loss of one photo."""
         settings = self.settings
-        picture = render(
-            scene, view.camera, background=background, execution=settings.execution
-        ).color
+        picture = render(scene, view.camera, background=background).color
         photo = view.over(background)
         picture = self.exposures.compensated(picture, view, photo)
         picture, photo = supervised(picture, photo, view.mask)
@@ -329,7 +339,7 @@ class _Fit:
 
     def _cleared(self) -> Densified:
         small = [camera.fitted(CLEARED_AT) for camera in self.cameras]
-        return without_floaters(self.optimizer.scene.detach(), small, self.settings.execution)
+        return without_floaters(self.optimizer.scene.detach(), small)
 
     def _gaussians_due(self) -> int:
         """How many there are to be by now: from the start's number evenly to the limit."""
@@ -363,7 +373,7 @@ class _Fit:
         yield FitResult(scene, self.curve[-1][1], steps, seconds, tuple(self.curve))
 
     def _measure(self, scene: Gaussians) -> Event:
-        decibels = evaluate(scene, self.held_out, self.settings.execution)
+        decibels = evaluate(scene, self.held_out)
         self.curve.append((self.budget.seconds, decibels))
         note = f"{len(scene):,} Gaussians, {decibels:.2f} dB"
         return self._event("measure", note, rmse_from_psnr(decibels))

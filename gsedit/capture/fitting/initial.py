@@ -24,9 +24,6 @@ MIN_POINTS = 4
 MEASURED_POINTS = 50_000
 """Points, at most, whose depths in the photos are measured: captures have millions."""
 
-Points = tuple[Float[Tensor, "m 3"], Float[Tensor, "m 3"]]
-"""World positions and RGB colors in [0, 1]."""
-
 
 def initial_scene(
     dataset: Dataset,

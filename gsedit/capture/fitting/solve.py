@@ -25,7 +25,7 @@ from torch import Tensor
 from gsedit.views.dataset import View
 from rasterizer.color_weights import ColorWeights, color_weights
 from rasterizer.harmonics import basis
-from rasterizer.numerics import AUTO, SH_DC, Execution, sh_to_color
+from rasterizer.numerics import SH_DC, sh_to_color
 from rasterizer.project import view_directions
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
@@ -151,7 +151,6 @@ def solve_colors(
     least_gain_db: float = LEAST_GAIN_DB,
     penalty: float = PENALTY,
     band_penalty: float = BAND_PENALTY,
-    execution: Execution = AUTO,
 ) -> Iterator[Solution]:
     """Yield the scene after every iteration, the last one last; only colors `inside` change.
 
@@ -164,9 +163,9 @@ def solve_colors(
     if not inside.any() or not targets:
         return
     if pictures is None:
-        pictures = [render(scene, view.camera, execution=execution).color for view in targets]
+        pictures = [render(scene, view.camera).color for view in targets]
     each_share = repeat(None) if shares is None else shares
-    views = [_shown(scene, *each, execution) for each in zip(targets, pictures, each_share)]
+    views = [_shown(scene, *each) for each in zip(targets, pictures, each_share)]
     base, moved = sh_to_color(scene.sh[:, 0]), inside[:, None, None].to(scene.means)
     sums = _back(len(scene), views, [v.mask + torch.zeros_like(v.missing) for v in views], 1)
     shown = sums[:, 0, :1] * moved[:, 0]
@@ -191,7 +190,6 @@ def trusting_penalty(
     inside: Bool[Tensor, " n"],
     *,
     pictures: Sequence[Float[Tensor, "h w 3"]] | None = None,
-    execution: Execution = AUTO,
 ) -> float:
     """The largest penalty by which some targets predict the others as well as by any: the more they
     contradict each other, the less a solve should follow them beyond the map of colors. PENALTY for
@@ -206,12 +204,12 @@ def trusting_penalty(
         for penalty in PENALTIES:
             found = solve_colors(
                 scene, [targets[i] for i in kept], inside,
-                pictures=shown, penalty=penalty, execution=execution,
+                pictures=shown, penalty=penalty,
             )  # fmt: skip
             solved = scene  # where there is nothing to solve
             for each in found:
                 solved = each.scene
-            drawn = [render(solved, targets[i].camera, execution=execution) for i in left]
+            drawn = [render(solved, targets[i].camera) for i in left]
             errors[penalty] += sum(
                 float((each.color.clamp(0, 1) - targets[i].image).square().mean())
                 for each, i in zip(drawn, left)
@@ -228,9 +226,8 @@ def _shown(
     view: View,
     now: Float[Tensor, "h w 3"],
     share: Float[Tensor, "h w"] | None,
-    execution: Execution,
 ) -> _Shown:
-    weights = color_weights(scene, view.camera, execution=execution)
+    weights = color_weights(scene, view.camera)
     mask = 1.0 if view.mask is None else view.mask[..., None].to(scene.means)
     mask = mask if share is None else mask * share[..., None]
     degree = isqrt(_coefficients(scene)) - 1

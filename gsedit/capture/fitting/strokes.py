@@ -22,7 +22,7 @@ from gsedit.scene.neighbors import k_nearest
 from gsedit.views.dataset import View
 from rasterizer.camera import Camera
 from rasterizer.color_weights import ColorWeights, color_weights
-from rasterizer.numerics import AUTO, SH_DC, Execution
+from rasterizer.numerics import SH_DC
 from rasterizer.scene import Gaussians
 
 NEAR = 9
@@ -57,13 +57,12 @@ def leading_shares(
     scene: Gaussians,
     cameras: Sequence[Camera],
     leading: Int[Tensor, " n"],
-    execution: Execution = AUTO,
 ) -> list[Float[Tensor, "h w"]]:
     """Weight of each pixel of each view: the share of it that the view leads, or LEAST_SHARE."""
     shares = []
     for i, camera in enumerate(cameras):
         leads = (leading == i).to(scene.means)[:, None].expand(-1, 3)
-        own = color_weights(scene, camera, execution=execution).picture(leads.contiguous())
+        own = color_weights(scene, camera).picture(leads.contiguous())
         shares.append(own[..., 0].clamp(LEAST_SHARE, 1))
     return shares
 
@@ -78,14 +77,13 @@ def stroke_steps(
     *,
     pictures: Sequence[Float[Tensor, "h w 3"]],
     shares: Sequence[Float[Tensor, "h w"]],
-    execution: Execution = AUTO,
 ) -> Iterator[float | Gaussians]:
     """Yield the loss of every step, of a view, and last the scene; base colors `inside` move.
 
     `pictures` show the scene as it is at the targets; `shares` are the weights of pixels in the
     MSE. The Gram loss is relative to the targets' own: a sum over layers.
     """
-    drawn = [Drawn(scene, *each, features, execution) for each in zip(targets, pictures, shares)]
+    drawn = [Drawn(scene, *each, features) for each in zip(targets, pictures, shares)]
     change = torch.zeros_like(scene.means, requires_grad=True)
     moments = torch.zeros_like(scene.means), torch.zeros_like(scene.means)
     weight, threads, order = None, StepThreads(), list[int]()
@@ -143,9 +141,8 @@ class Drawn:
         picture: Float[Tensor, "h w 3"],
         share: Float[Tensor, "h w"],
         features: FeatureExtractor,
-        execution: Execution = AUTO,
     ) -> None:
-        self.weights = color_weights(scene, target.camera, execution=execution)
+        self.weights = color_weights(scene, target.camera)
         self.picture, self.target, self.features = picture, target.image, features
         self.share = share[..., None].square()
         with torch.no_grad():

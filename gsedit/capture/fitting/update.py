@@ -19,7 +19,7 @@ from gsedit.capture.fitting.settings import UpdateSettings
 from gsedit.measures.features import FeatureExtractor
 from gsedit.run.step_threads import StepThreads
 from gsedit.views.dataset import View
-from rasterizer.numerics import AUTO, Execution, Numerics
+from rasterizer.numerics import Numerics
 from rasterizer.project import Box
 from rasterizer.render import render
 
@@ -89,7 +89,6 @@ def update_steps(
     settings: UpdateSettings,
     features: FeatureExtractor,
     generator: torch.Generator,
-    execution: Execution = AUTO,
 ) -> Iterator[float]:
     """Fit the scene to random patches of the edited views; yields the loss of every step.
 
@@ -112,8 +111,7 @@ def update_steps(
         ]
         with threads.step():
             drawn = [
-                render(optimizer.scene, v.camera, crop=box, numerics=FELT, execution=execution)
-                for v, box in patches
+                render(optimizer.scene, v.camera, crop=box, numerics=FELT) for v, box in patches
             ]
             rendered = torch.stack([each.color for each in drawn])
             expected = torch.stack([cut(v.image, box) for v, box in patches])

@@ -41,7 +41,7 @@ from gsedit.views.shadows import (
 )
 from gsedit.views.surroundings import light_near
 from rasterizer.camera import Camera
-from rasterizer.numerics import AUTO, SH_DC, Execution, ruled, sh_to_color
+from rasterizer.numerics import SH_DC, sh_to_color
 from rasterizer.scene import Gaussians
 
 SKY_REACH = 0.5
@@ -300,14 +300,12 @@ SHOULDER = 0.8
 """Display color above which a gain of light is compressed: a lit wall keeps its texture."""
 
 
-@ruled
 def relit(
     scene: Gaussians,
     setup: LightSetup,
     cameras: Sequence[Camera],
     seen: Float[Tensor, " n"] | None = None,
     inside: Bool[Tensor, " n"] | None = None,
-    execution: Execution = AUTO,
 ) -> Gaussians:
     """The scene in another light; Gaussians that are not `inside` stay the same bits.
 

@@ -60,7 +60,7 @@ from gsedit.views.surroundings import (
 )
 from rasterizer.camera import Camera
 from rasterizer.harmonics import basis
-from rasterizer.numerics import AUTO, SH_DC, Execution, ruled, sh_to_color
+from rasterizer.numerics import SH_DC, sh_to_color
 from rasterizer.scene import Gaussians, concatenate
 
 ROUNDS = 12
@@ -247,13 +247,11 @@ class Studied:
 
 
 @torch.no_grad()
-@ruled
 def in_material(
     scene: Gaussians,
     inside: Bool[Tensor, " n"],
     material: Material,
     cameras: Sequence[Camera] = (),
-    execution: Execution = AUTO,
     weights: Float[Tensor, " n"] | None = None,
     shown: Bool[Tensor, " n"] | None = None,
 ) -> Outcome:

@@ -38,7 +38,7 @@ from gsedit.views.noise import noise
 from gsedit.views.surroundings import find_surroundings, prefiltered, reflected
 from rasterizer.camera import Camera
 from rasterizer.harmonics import basis
-from rasterizer.numerics import AUTO, Execution, ruled, sh_to_color
+from rasterizer.numerics import sh_to_color
 from rasterizer.scene import Gaussians
 
 GREEN_HUES = (92.0, 104.0, 165.0, 185.0)
@@ -506,14 +506,12 @@ SCENERIES: dict[str, Scenery] = {
 """Weather and seasons by the names that `gsedit.words` gives them."""
 
 
-@ruled
 def in_scenery(
     scene: Gaussians,
     name: str,
     cameras: Sequence[Camera],
     seen: Float[Tensor, " n"] | None = None,
     inside: Bool[Tensor, " n"] | None = None,
-    execution: Execution = AUTO,
 ) -> Gaussians:
     """The scene in a weather or season; Gaussians that are not `inside` keep their coefficients.
 

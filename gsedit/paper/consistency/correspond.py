@@ -82,42 +82,20 @@ def correspond(
     views = len(depths)
     grid = _grid(depths, cell)
     surfaces = [
-        _cell_surfaces(*view, cell, rules) for view in zip(cameras, depths, alphas, strict=True)
+        cell_surfaces(*view, cell, rules) for view in zip(cameras, depths, alphas, strict=True)
     ]
     matched = torch.eye(views, dtype=torch.float64)
     pairs = {}
     for a, b in itertools.combinations(range(views), 2):
         if (a, b) in apart:
             continue
-        pairs[a, b] = _mutual(surfaces[a], surfaces[b], rules)
+        pairs[a, b] = mutual(surfaces[a], surfaces[b], rules)
         matched[a, b] = matched[b, a] = len(pairs[a, b].a) / (grid[0] * grid[1])
     labels = _merge(pairs, views, grid[0] * grid[1])
     return Correspondences(labels.reshape(views, *grid), matched, cell)
 
 
-@torch.no_grad()
-def match(
-    camera_a: Camera,
-    depth_a: Float[Tensor, "h w"],
-    alpha_a: Float[Tensor, "h w"],
-    camera_b: Camera,
-    depth_b: Float[Tensor, "h2 w2"],
-    alpha_b: Float[Tensor, "h2 w2"],
-    cell: int = 8,
-    rules: Visibility = DEFAULT_RULES,
-) -> Pairs:
-    """Mutual matches between the cells of two views; symmetric in them. Raises UsageError.
-
-    The center of each cell is carried through the world to the other view and takes the *nearest*
-    cell there (interpolating noise would lower its variance). A pair is accepted when each cell is
-    the other's nearest and every rule of `Visibility` holds in both directions.
-    """
-    a = _cell_surfaces(camera_a, depth_a, alpha_a, cell, rules)
-    b = _cell_surfaces(camera_b, depth_b, alpha_b, cell, rules)
-    return _mutual(a, b, rules)
-
-
-class _CellSurfaces(NamedTuple):
+class CellSurfaces(NamedTuple):
     """One view, and the surface at the center of each of its cells."""
 
     camera: Camera
@@ -135,13 +113,13 @@ class _CellSurfaces(NamedTuple):
     """One opaque surface fills the cell."""
 
 
-def _cell_surfaces(
+def cell_surfaces(
     camera: Camera,
     depth: Float[Tensor, "h w"],
     alpha: Float[Tensor, "h w"],
     cell: int,
     rules: Visibility,
-) -> _CellSurfaces:
+) -> CellSurfaces:
     """The cells of one view. Raises UsageError for a depth map that is not its camera's."""
     rows, columns = _grid(depth[None], cell)
     if depth.shape != (camera.height, camera.width):
@@ -158,10 +136,10 @@ def _cell_surfaces(
     xy = grid.pixel_centers().reshape(-1, 2) * cell
     z, smooth = surface_at(depth, alpha, xy, rules)
     solid = solid.reshape(-1) & smooth
-    return _CellSurfaces(camera, depth, alpha, cell, xy, z, slope.reshape(-1, 2), solid)
+    return CellSurfaces(camera, depth, alpha, cell, xy, z, slope.reshape(-1, 2), solid)
 
 
-def _mutual(a: _CellSurfaces, b: _CellSurfaces, rules: Visibility) -> Pairs:
+def mutual(a: CellSurfaces, b: CellSurfaces, rules: Visibility) -> Pairs:
     """Pairs of cells that are each other's nearest and that every rule accepts both ways."""
     there, error_there, good_there = _carry(a, b, rules)
     back, error_back, good_back = _carry(b, a, rules)
@@ -172,7 +150,7 @@ def _mutual(a: _CellSurfaces, b: _CellSurfaces, rules: Visibility) -> Pairs:
 
 
 def _carry(
-    a: _CellSurfaces, b: _CellSurfaces, rules: Visibility
+    a: CellSurfaces, b: CellSurfaces, rules: Visibility
 ) -> tuple[Int[Tensor, " n"], Float[Tensor, " n"], Bool[Tensor, " n"]]:
     """For each cell of a: nearest cell of b, displacement from its center in cells, acceptable."""
     points = a.camera.unproject(a.xy, a.z)
@@ -193,7 +171,7 @@ def _carry(
     return index, displacement, good
 
 
-def _stretch(a: _CellSurfaces, b: _CellSurfaces) -> tuple[Float[Tensor, " n"], Float[Tensor, " n"]]:
+def _stretch(a: CellSurfaces, b: CellSurfaces) -> tuple[Float[Tensor, " n"], Float[Tensor, " n"]]:
     """(smallest, largest) length in b, in cells, of a line across a cell of a, on its plane.
 
     The singular values of the map between the pictures; the smallest is negative where b would see

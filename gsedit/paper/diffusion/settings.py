@@ -81,9 +81,6 @@ class SamplerSettings:
     harmonise: bool = True
     """Whether, with consensus, the finished views' coarse colors are brought to agreement where
     the depth of the scene says that they show the same place."""
-    memory: float | None = None
-    """GB that the passes of the networks may use at once, above 0. None: half of the free
-    memory."""
     precision: Precision = "auto"
     """Arithmetic of the network. auto takes bfloat16 where the processor has it and its error,
     measured on the first pass, is at most 2 %."""
@@ -106,9 +103,6 @@ class SamplerSettings:
         for name in ("eta", "consensus_weight"):
             value = getattr(self, name)
             _require(0 <= value <= 1, name, value, "from 0 to 1")
-        if self.memory is not None:
-            valid = math.isfinite(self.memory) and self.memory > 0
-            _require(valid, "memory", self.memory, "a number of GB above 0")
 
     def _check_choices(self) -> None:
         choices = {

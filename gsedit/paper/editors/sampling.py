@@ -20,10 +20,9 @@ from gsedit.paper.consistency.consensus import share_noise
 from gsedit.paper.diffusion.guidance import Around, Branches, Need, Predictor, needed
 from gsedit.paper.diffusion.guided import branches_of, predict_guided
 from gsedit.paper.diffusion.memory import most_bytes
-from gsedit.paper.diffusion.precision import InBfloat16
+from gsedit.paper.diffusion.precision import InBfloat16, with_precision
 from gsedit.paper.diffusion.sampler import Anchor, Hook, add_noise, sample
 from gsedit.paper.diffusion.settings import SamplerSettings
-from gsedit.paper.editors.prepared import Fit, prepared
 from gsedit.paper.protocol import (
     Capabilities,
     Cost,
@@ -43,8 +42,8 @@ class DiffusionEditor:
     """An Editor: the regularised sampler over one denoiser."""
 
     denoiser: Denoiser
-    known: dict[Any, Fit] = field(default_factory=dict, repr=False)
-    """Measurements of the denoiser on this machine, by size and settings of a batch."""
+    known: dict[Any, bool] = field(default_factory=dict, repr=False)
+    """Whether the denoiser is taken in bfloat16, by size and settings of a batch."""
 
     @property
     def name(self) -> str:
@@ -61,7 +60,7 @@ class DiffusionEditor:
         return replace(
             declared,
             denoiser=declared.denoiser or self.denoiser,
-            measure=self.measure if declared.with_micro_batch else None,
+            measure=self.measure if declared.runs_network else None,
         )
 
     def check(self, prompt: str) -> None:
@@ -95,8 +94,9 @@ class DiffusionEditor:
         x = add_noise(z0, share(noise), first)
         originals = whole.originals[free]
         condition = denoiser.condition(originals, batch.prompt, generator)
-        ready = prepared(denoiser, x[free], originals, batch.prompt, settings, self.known)
-        counted = Counted(ready.predictor, ready.evaluations)
+        counted = Counted(
+            *prepared(denoiser, x[free], originals, batch.prompt, settings, self.known)
+        )
         steps = sample(
             counted, condition, x, settings, levels=levels, consensus=agree, share=share,
             anchor=anchor, generator=generator,
@@ -142,6 +142,36 @@ class DiffusionEditor:
             spent=spent + 2 * evaluations,
             condition_s=condition_s / len(x),
         )
+
+
+def prepared(
+    denoiser: Denoiser,
+    x: Float[Tensor, "v c y x"],
+    originals: Float[Tensor, "v h w 3"],
+    prompt: str,
+    settings: SamplerSettings,
+    known: dict[Any, bool],
+) -> tuple[Predictor, int]:
+    """The denoiser, in bfloat16 where its settings ask for that or it is exact enough, and the
+    evaluations that it took to find out, on the first view.
+
+    `known` keeps what was found, for other batches of the same size and settings. A denoiser that
+    runs no network is left alone.
+    """
+    if not denoiser.capabilities.runs_network or settings.precision == "float32":
+        return denoiser, 0
+    key, spent = (x.shape[1:], settings), 0
+    if key not in known:
+        first = levels_for(denoiser, settings, (x.shape[2], x.shape[3]))[0]
+        condition = denoiser.condition(originals[:1], prompt, torch.Generator())
+
+        def predict(predictor: Predictor) -> Tensor:
+            nonlocal spent
+            spent += sum(needed(*settings.scales))
+            return predict_guided(predictor, condition, x[:1], first, settings)
+
+        known[key] = with_precision(denoiser, predict, settings.precision) is not denoiser
+    return (InBfloat16(denoiser) if known[key] else denoiser), spent
 
 
 def _timed(work: Callable[[], T]) -> tuple[T, float]:

@@ -30,7 +30,7 @@ class Family:
     """Models of one architecture, which one module loads."""
 
     module: str
-    """The module here whose `load(parts, micro_batch=...)` makes the Model."""
+    """The module here whose `load(parts)` makes the Model."""
     networks: tuple[str, ...]
     """Components that have weights."""
     others: tuple[str, ...]

@@ -181,7 +181,7 @@ class Klein(Model):
         return torch.cat([out.hidden_states[layer] for layer in LAYERS], -1)
 
 
-def load(parts: Parts, *, micro_batch: int) -> Klein:
+def load(parts: Parts) -> Klein:
     """The model of a folder. Raises InputError for a schedule that is not supported."""
     scheduler = scheduler_of(parts.settings("scheduler"), parts.folder / "scheduler")
     return Klein(
@@ -192,7 +192,6 @@ def load(parts: Parts, *, micro_batch: int) -> Klein:
         scheduler=scheduler,
         schedule=Schedule.rectified_flow(scheduler.config.num_train_timesteps),
         distilled=bool(parts.index.get("is_distilled", False)),
-        micro_batch=micro_batch,
     )
 
 
@@ -211,7 +210,7 @@ def scheduler_of(config: dict[str, Any], place: Path) -> Any:
         if config.get(option):
             raise InputError(f"{place}: {option} is not supported, it must be false")
     with explained(str(place)):
-        scheduler = FlowMatchEulerDiscreteScheduler.from_config(config)
+        scheduler: Any = FlowMatchEulerDiscreteScheduler.from_config(config)
         scheduler.set_timesteps(2, mu=1.0)
     return scheduler
 

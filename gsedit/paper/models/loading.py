@@ -33,7 +33,6 @@ DTYPES = {"F32": torch.float32, "F16": torch.float16, "BF16": torch.bfloat16}
 def load_model(
     model: str | Path,
     *,
-    micro_batch: int = 1,
     precision: Precision = "auto",
 ) -> Model:
     """The model of a folder, or of a hub id in the hub's cache.
@@ -51,9 +50,7 @@ def load_model(
             f"the editors pix2pix and diffusers need {error.name}: pip install 'gsedit[diffusers]'"
         ) from error
     parts = Parts.of(place, precision)
-    return import_module(f"gsedit.paper.models.{parts.family.module}").load(
-        parts, micro_batch=micro_batch
-    )
+    return import_module(f"gsedit.paper.models.{parts.family.module}").load(parts)
 
 
 @dataclass(frozen=True, eq=False)

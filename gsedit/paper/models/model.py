@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from itertools import repeat
 from typing import Any, NamedTuple, TypeVar
 
 import torch
@@ -59,8 +60,6 @@ class Model(ABC):
     predicts: Prediction
     vae: Any
     run: Runtime = in_torch
-    micro_batch: int = 1
-    """Views in one pass of a network: memory against speed; the result is the same."""
     name: str = "pix2pix"
     padding: PadMode = "mirror"
     texts: dict[str, Any] = field(default_factory=dict, repr=False)
@@ -68,12 +67,8 @@ class Model(ABC):
 
     @property
     def capabilities(self) -> Capabilities:
-        """It runs a network, of which a pass may hold several views, trained at one size."""
-        return Capabilities(
-            with_micro_batch=lambda views: replace(self, micro_batch=views),
-            best_size=self.size,
-            enlarges=True,
-        )
+        """It runs a network that was trained at one size."""
+        return Capabilities(runs_network=True, best_size=self.size, enlarges=True)
 
     @property
     def cell(self) -> int:
@@ -113,12 +108,12 @@ class Model(ABC):
 
     def mode(self, images: Float[Tensor, "v h w 3"]) -> Latents:
         """Latents of the VAE, not scaled, float32; differentiable."""
-        parts = (2 * images - 1).movedim(-1, 1).to(self.vae.dtype).split(self.micro_batch)
+        parts = (2 * images - 1).movedim(-1, 1).to(self.vae.dtype).split(1)
         return torch.cat([self.run(mode_of, self.vae, part).float() for part in parts])
 
     def pictures(self, latents: Latents) -> Float[Tensor, "v h w 3"]:
         """Pictures of latents as the VAE's decoder takes them, float32, not clamped."""
-        parts = latents.to(self.vae.dtype).split(self.micro_batch)
+        parts = latents.to(self.vae.dtype).split(1)
         images = torch.cat([self.run(picture_of, self.vae, part).float() for part in parts])
         return images.movedim(1, -1) / 2 + 0.5
 
@@ -163,10 +158,9 @@ class Model(ABC):
 
     @torch.no_grad()
     def branches(self, x: Latents, t: float, condition: Any, need: Need) -> Branches:
-        """Branches in need, `micro_batch` views in a pass of the network."""
-        slices = [slice(i, i + self.micro_batch) for i in range(0, len(x), self.micro_batch)]
-        of = [condition._replace(images=condition.images[i]) for i in slices]
-        chunks = [self.predict(x[i], t, part, need) for i, part in zip(slices, of)]
+        """Branches in need, a view in a pass of the network."""
+        own = [condition._replace(images=each) for each in condition.images.split(1)]
+        chunks = [self.predict(*both, need) for both in zip(x.split(1), repeat(t), own)]
         predicted = iter(torch.cat(branch) for branch in zip(*chunks))
         return Branches(*(next(predicted) if needed else None for needed in need))
 

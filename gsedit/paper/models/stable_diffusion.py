@@ -219,7 +219,7 @@ def _predicted(unet: Any, sample: Tensor, time: Tensor, tokens: Tensor, *added: 
     return unet(sample, time, encoder_hidden_states=tokens, added_cond_kwargs=kwargs).sample
 
 
-def load(parts: Parts, *, micro_batch: int) -> Pix2Pix:
+def load(parts: Parts) -> Pix2Pix:
     """The model of a folder. Raises InputError for a schedule or latents that are not supported."""
     unet, vae = parts.network("unet"), parts.network("vae")
     if getattr(vae.config, "latents_mean", None) is not None:
@@ -246,6 +246,5 @@ def load(parts: Parts, *, micro_batch: int) -> Pix2Pix:
         # 5 is the default of diffusers' pipeline of SDXL
         defaults=noise.defaults._replace(guidance_text=5.0) if is_xl else noise.defaults,
         to_clean=noise.to_clean,
-        micro_batch=micro_batch,
         zeros_for_empty=parts.index.get("force_zeros_for_empty_prompt", True),
     )

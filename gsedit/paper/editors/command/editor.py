@@ -12,7 +12,6 @@ from jaxtyping import Float
 from torch import Tensor
 
 from gsedit.errors import UsageError
-from gsedit.paper.consistency.harmonise import harmonise
 from gsedit.paper.diffusion.settings import SamplerSettings
 from gsedit.paper.editors.command import MASK_EXAMPLE
 from gsedit.paper.editors.command.program import (
@@ -70,10 +69,9 @@ class Command:
     ) -> Iterator[EditProgress]:
         """Run the program on the views that are not anchored; a step is a picture it has written.
 
-        What it makes is brought to agreement where views correspond (`harmonise`). The program is
-        ended when the caller leaves early. Raises UsageError where it cannot be started,
-        GseditError where it fails or takes too long, InputError for what it left out or made of
-        another size; each says where its folders remain.
+        The program is ended when the caller leaves early. Raises UsageError where it cannot be
+        started, GseditError where it fails or takes too long, InputError for what it left out or
+        made of another size; each says where its folders remain.
         """
         self.check(batch.prompt)
         free = _free(batch)
@@ -87,13 +85,6 @@ class Command:
                 yield EditProgress(finished, len(free) + 1)
             edited[free] = exchange.read(*batch.images.shape[1:3]).to(edited)
             remove_exchange(exchange, self.folder)
-        if batch.correspondences is not None and settings.consensus:
-            edited = harmonise(
-                edited,
-                batch.correspondences,
-                anchored=batch.anchored,
-                strength=settings.consensus_weight,
-            )
         yield EditProgress(len(free) + 1, len(free) + 1, edited)
 
     def _write(self, exchange: Exchange, batch: EditBatch, views: list[int]) -> None:
