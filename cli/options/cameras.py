@@ -123,10 +123,7 @@ def recorded(path: Path | None, scene: Gaussians, size: int) -> tuple[Viewpoint,
 
 
 def resolve_cameras(
-    path: Path | None,
-    scene: Gaussians,
-    options: ViewOptions,
-    count: int = FOUND_VIEWS,
+    path: Path | None, scene: Gaussians, options: ViewOptions, count: int = FOUND_VIEWS
 ) -> ResolvedCameras:
     """Return the cameras of --data, or those recorded beside the scene, or else `count` found."""
     from gsedit.views.around import find_viewpoints

@@ -200,11 +200,7 @@ def read_pair(paths: tuple[Path, Path], own: DiffOptions, cameras: ViewOptions) 
 
 
 def views_of(
-    scene: Path,
-    other: Path,
-    gaussians: Gaussians,
-    options: ViewOptions,
-    count: int,
+    scene: Path, other: Path, gaussians: Gaussians, options: ViewOptions, count: int
 ) -> tuple[Viewpoint, ...]:
     """`count` of the cameras to compare from: those beside the second scene where only that one has
     some."""

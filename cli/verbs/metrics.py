@@ -184,11 +184,7 @@ def check_views(against: Reference, listed: ListedViews) -> None:
 
 
 def gather(
-    path: Path,
-    against: Reference,
-    own: MetricsOptions,
-    listed: ListedViews,
-    drop_invalid: bool,
+    path: Path, against: Reference, own: MetricsOptions, listed: ListedViews, drop_invalid: bool
 ) -> EvaluationInput:
     """Read everything that is measured."""
     from gsedit.capture.matches import match_pictures

@@ -380,11 +380,7 @@ def check_region(region: str | None, prompt: str | None, pictures: PictureOption
 
 
 def tint(
-    scene: Gaussians,
-    region: str,
-    resolved: ResolvedCameras,
-    editor: str,
-    prompt: str,
+    scene: Gaussians, region: str, resolved: ResolvedCameras, editor: str, prompt: str
 ) -> Gaussians:
     """The scene with the region tinted; what the region holds is printed."""
     from gsedit.editing.parts import editor_region

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from bench.staged import Stage, stage
-from bench.staged.daylight import Daylight
+from bench.staged.thing import Daylight
 from gsedit.bench.synthetic.paint import plain
 from gsedit.scene.similarity import Similarity
 

@@ -229,10 +229,7 @@ def pictures_at(scene: Gaussians, viewpoints: Sequence[Viewpoint | View]) -> tup
 
 
 def means_of(
-    scene: Gaussians,
-    changed: Changed,
-    before: Sequence[View],
-    after: Sequence[View],
+    scene: Gaussians, changed: Changed, before: Sequence[View], after: Sequence[View]
 ) -> Means:
     """The difference of held-out views, and how well what is outside the region is kept."""
     moved = changed.region_before is not None

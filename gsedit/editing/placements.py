@@ -39,10 +39,7 @@ OFFSETS = {
 
 
 def paint_objects(
-    scene: Gaussians,
-    run: Sequence[Change],
-    flags: Flags,
-    cameras: Sequence[Camera] = (),
+    scene: Gaussians, run: Sequence[Change], flags: Flags, cameras: Sequence[Camera] = ()
 ) -> Outcome:
     """Make a run of changes of one object: what is done at once, see `runs_of`.
 
@@ -113,10 +110,7 @@ def _beside(place: Place | None, flags: Flags, own: str | None) -> RelativePlace
 
 
 def _insert(
-    scene: Gaussians,
-    run: Sequence[Change],
-    flags: Flags,
-    cameras: Sequence[Camera],
+    scene: Gaussians, run: Sequence[Change], flags: Flags, cameras: Sequence[Camera]
 ) -> Outcome:
     """The scene with the object of a file put in.
 

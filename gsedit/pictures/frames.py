@@ -81,9 +81,7 @@ def panels(
 
 
 def depth_scale(
-    scene: Gaussians,
-    cameras: Sequence[Camera],
-    numerics: Numerics = DEFAULT,
+    scene: Gaussians, cameras: Sequence[Camera], numerics: Numerics = DEFAULT
 ) -> tuple[float, float]:
     """The near and far ends of a color scale for all frames, from small renders of some."""
     depths, alphas = [], []

@@ -123,11 +123,7 @@ def render_maps(
     """The wanted maps of a view; color and alpha are always there. `normals` cost a second render,
     of SH degree 0."""
     drawn = render(
-        scene,
-        camera,
-        background=background,
-        median_depth="depth" in wanted,
-        numerics=numerics,
+        scene, camera, background=background, median_depth="depth" in wanted, numerics=numerics
     )
     normals = None
     if "normals" in wanted:
@@ -175,11 +171,7 @@ def wipe(
     edge = min(max(round(share * width), 0), width)
     parts = [
         render(
-            scene,
-            camera,
-            crop=(left, 0, size, height),
-            background=background,
-            numerics=own,
+            scene, camera, crop=(left, 0, size, height), background=background, numerics=own
         ).color
         for scene, own, left, size in (
             (before, numerics[0], 0, edge),

@@ -98,9 +98,7 @@ class Lifted:
 
 
 def lift(
-    scene: Gaussians,
-    cameras: Sequence[Camera],
-    maps: Sequence[Float[Tensor, "h w"]],
+    scene: Gaussians, cameras: Sequence[Camera], maps: Sequence[Float[Tensor, "h w"]]
 ) -> Lifted:
     """Means over all views of maps with one value a pixel; a map has its camera's size."""
     sums = scene.means.new_zeros(len(scene), 3)

@@ -113,10 +113,7 @@ def sun_directions(direction: Float[Tensor, "3"], blur: float) -> Float[Tensor, 
 
 
 def parallel_map(
-    occluders: Gaussians,
-    place: Place,
-    direction: Float[Tensor, "3"],
-    side: int,
+    occluders: Gaussians, place: Place, direction: Float[Tensor, "3"], side: int
 ) -> DepthMap:
     """Depth of the place from far away along a unit vector, in parallel rays."""
     pixel, away = 2 * place.radius / side, 2 * place.radius
@@ -124,12 +121,7 @@ def parallel_map(
     return _drawn(occluders, replace(camera, near=1e-3 * place.radius), pixel)
 
 
-def spot_map(
-    occluders: Gaussians,
-    place: Place,
-    eye: Float[Tensor, "3"],
-    cone: float,
-) -> DepthMap:
+def spot_map(occluders: Gaussians, place: Place, eye: Float[Tensor, "3"], cone: float) -> DepthMap:
     """Depth of the place from a lamp at `eye` that looks at its center; half a cone in degrees."""
     distance = float((eye - place.center).norm())
     towards = (eye - place.center) / distance

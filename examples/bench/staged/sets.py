@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import torch
 
-from bench.staged.daylight import Daylight
 from bench.staged.stage import Rig, Stage
-from bench.staged.thing import Thing
+from bench.staged.thing import Daylight, Thing
 from gsedit.bench.synthetic.paint import (
     Paint,
     Pattern,

@@ -14,8 +14,7 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from bench.staged.daylight import GAMMA, Daylight, arriving, sun_rays
-from bench.staged.thing import Thing, snow_on
+from bench.staged.thing import GAMMA, Daylight, Thing, arriving, snow_on, sun_rays
 from gsedit.bench.synthetic.paint import OCCLUSION_REACH, Colors, Paint, mix, parts, plain, waves
 from gsedit.bench.synthetic.scene import SyntheticScene
 from gsedit.bench.synthetic.shapes import Points, Sdf, Triple, gradient, union

@@ -2,11 +2,7 @@
 
 from gsedit.bench.synthetic.gallery import demo_scene
 from gsedit.bench.synthetic.scene import SyntheticScene, Traced, first_hit
-from gsedit.bench.synthetic.splats import (
-    ring_cameras,
-    surface_gaussians,
-    surface_points,
-)
+from gsedit.bench.synthetic.splats import ring_cameras, surface_gaussians, surface_points
 
 __all__ = [
     "SyntheticScene",

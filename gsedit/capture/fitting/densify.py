@@ -150,8 +150,6 @@ def _halves(parents: Gaussians) -> tuple[Gaussians, Gaussians]:
     shorter = torch.nn.functional.one_hot(axis, 3) * log(SPLIT_LENGTH)
     opacity = parents.opacities / (2 * SPLIT_LENGTH)
     half = replace(
-        parents,
-        log_scales=parents.log_scales + shorter,
-        logit_opacities=torch.logit(opacity),
+        parents, log_scales=parents.log_scales + shorter, logit_opacities=torch.logit(opacity)
     )
     return replace(half, means=half.means - offset), replace(half, means=half.means + offset)

@@ -44,13 +44,7 @@ from rasterizer.numerics import under
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
 
-RATES = {
-    "means": 6.4e-4,
-    "quats": 4e-3,
-    "log_scales": 4e-2,
-    "logit_opacities": 1e-1,
-    "sh": 4e-2,
-}
+RATES = {"means": 6.4e-4, "quats": 4e-3, "log_scales": 4e-2, "logit_opacities": 1e-1, "sh": 4e-2}
 """Learning rates by field; that of positions times the scene's radius. Colors, opacities and
 scales move faster than in 3D Gaussian splatting: a fit here has a few thousand steps and not
 30,000."""
@@ -186,10 +180,7 @@ def fit(
     return last
 
 
-def evaluate(
-    scene: Gaussians,
-    views: tuple[View, ...],
-) -> float:
+def evaluate(scene: Gaussians, views: tuple[View, ...]) -> float:
     """Mean PSNR over views, dB, where their masks are True; infinite where all are equal.
 
     A view that is masked throughout does not count. Raises UsageError where all are.
@@ -430,10 +421,7 @@ def _coarse(view: View, side: int, kept: PixelCache) -> View:
 
 
 def requested(
-    dataset: Dataset,
-    settings: FitSettings,
-    generator: torch.Generator,
-    start: Gaussians | None,
+    dataset: Dataset, settings: FitSettings, generator: torch.Generator, start: Gaussians | None
 ) -> dict[str, Any]:
     """Request as JSON: a fit resumes where this is the same."""
     cameras = [view.camera for view in dataset.views]

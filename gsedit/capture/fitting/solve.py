@@ -222,10 +222,7 @@ def _coefficients(scene: Gaussians) -> int:
 
 
 def _shown(
-    scene: Gaussians,
-    view: View,
-    now: Float[Tensor, "h w 3"],
-    share: Float[Tensor, "h w"] | None,
+    scene: Gaussians, view: View, now: Float[Tensor, "h w 3"], share: Float[Tensor, "h w"] | None
 ) -> _Shown:
     weights = color_weights(scene, view.camera)
     mask = 1.0 if view.mask is None else view.mask[..., None].to(scene.means)

@@ -54,9 +54,7 @@ def leading_views(weights: Float[Tensor, "v n"], means: Float[Tensor, "n 3"]) ->
 
 
 def leading_shares(
-    scene: Gaussians,
-    cameras: Sequence[Camera],
-    leading: Int[Tensor, " n"],
+    scene: Gaussians, cameras: Sequence[Camera], leading: Int[Tensor, " n"]
 ) -> list[Float[Tensor, "h w"]]:
     """Weight of each pixel of each view: the share of it that the view leads, or LEAST_SHARE."""
     shares = []

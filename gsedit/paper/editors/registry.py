@@ -49,9 +49,7 @@ def _closed_form() -> Editor:
 
 
 def _diffusers(
-    model: str | Path | None = None,
-    precision: Precision = "auto",
-    runtime: str = "auto",
+    model: str | Path | None = None, precision: Precision = "auto", runtime: str = "auto"
 ) -> Editor:
     """2D editing models in diffusers' layout, a folder or hub id: any sentence."""
     from gsedit.paper.editors.sampling import DiffusionEditor

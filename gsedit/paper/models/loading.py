@@ -30,11 +30,7 @@ DTYPES = {"F32": torch.float32, "F16": torch.float16, "BF16": torch.bfloat16}
 """By their names in the headers of safetensors files."""
 
 
-def load_model(
-    model: str | Path,
-    *,
-    precision: Precision = "auto",
-) -> Model:
+def load_model(model: str | Path, *, precision: Precision = "auto") -> Model:
     """The model of a folder, or of a hub id in the hub's cache.
 
     Only safetensors are read, and no code that comes with a model is run. Raises UsageError without
