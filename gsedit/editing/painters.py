@@ -15,35 +15,145 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from math import isfinite, log2
+from typing import cast
 
 import numpy as np
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from gsedit.change import objects
 from gsedit.change.light.relight import relit
 from gsedit.change.light.table import setup_of
 from gsedit.change.materials.apply import in_material
 from gsedit.change.materials.table import material_of, paint_of
 from gsedit.change.objects.growth.grow import grow
 from gsedit.change.objects.growth.table import GROWTHS
+from gsedit.change.objects.placing.placement import Placement, RelativePlace, Side
 from gsedit.change.scenery.table import SCENERIES, in_scenery
-from gsedit.editing.placements import Flags, paint_objects
-from gsedit.editing.plan import key_of
+from gsedit.editing.plan import COPY, key_of
 from gsedit.errors import Said, UsageError
+from gsedit.formats.scenes import load
 from gsedit.scene.cache import cached_per_scene
 from gsedit.scene.color_space import LUMINANCE
 from gsedit.scene.outcome import Outcome
 from gsedit.scene.table import SplatTable, table_of
+from gsedit.select.finder import Finder
 from gsedit.select.region import lift
 from gsedit.toolkit.grade import COLDEST, GAMMA, HOTTEST, NEUTRAL, Affine, Grade
 from gsedit.toolkit.recolor import recolored
+from gsedit.views.cameras_json import cameras_file, read_cameras
 from gsedit.views.dataset import evenly_spaced
+from gsedit.views.paths import up_of
 from gsedit.views.place import light_note, place_of
+from gsedit.views.viewpoints import that_see
 from gsedit.words.colors import parse_hex
-from gsedit.words.instruction import MOST, Change
+from gsedit.words.instruction import MOST, Change, Place
+from gsedit.words.phrases import GROUNDS
+from gsedit.words.refusals import REASONS
 from rasterizer.camera import Camera
 from rasterizer.scene import Gaussians
+
+Flags = Mapping[str, Bool[Tensor, " n"]]
+"""Flags of the Gaussians of what a change can name, by `key_of` and by phrase."""
+OFFSETS = {
+    "left": (-1, 0, 0), "right": (1, 0, 0), "forward": (0, -1, 0), "back": (0, 1, 0),
+    "down": (0, 0, -1), "up": (0, 0, 1),
+}  # fmt: skip
+"""Right, back and up of each way to go."""
+
+
+def paint_objects(
+    scene: Gaussians, run: Sequence[Change], flags: Flags, cameras: Sequence[Camera] = ()
+) -> Outcome:
+    """Make a run of changes of one object: what is done at once, see `runs_of`.
+
+    Raises UsageError where what changes is empty or the whole scene, and as the operations do;
+    InputError for a file that holds no scene.
+    """
+    change = run[0]
+    if change.name == "insert":
+        return _insert(scene, run, flags, cameras)
+    inside = flags[key_of(change)]
+    if change.kind == "growth":
+        _check(change, inside, whole=True)
+        among = None if inside.all() else inside
+        return objects.grow(scene, change.name, 1 + (change.amount or 0), among, cameras)
+    _check(change, inside, whole=change.name == COPY)
+    if change.name == "remove" and change.target == "background":
+        return _without(scene, inside)
+    if change.name == "remove":
+        return objects.remove(scene, inside, cameras)
+    if any(each.place is not None and each.place.metres for each in run):
+        raise UsageError(REASONS["distance"])
+    if change.name == COPY and (change.amount or 1) > 1:
+        raise UsageError(REASONS["copies"])
+    placement = Placement()
+    for each in run:
+        placement = _placed(placement, each, flags, key_of(change))
+    return objects.place(scene, inside, placement, cameras)
+
+
+def _check(change: Change, inside: Bool[Tensor, " n"], *, whole: bool) -> None:
+    """Raise UsageError for no Gaussians, and for all of them unless `whole` may be."""
+    if not inside.any():
+        raise UsageError(Said(f"{change}: nothing of it is in the scene", "select-object"))
+    if inside.all() and not whole:
+        raise UsageError(Said(f"{change}: the region is the whole scene", "select-less"))
+
+
+def _without(scene: Gaussians, inside: Bool[Tensor, " n"]) -> Outcome:
+    """The scene without some Gaussians; nothing is filled."""
+    rows = torch.nonzero(~inside).flatten()
+    return Outcome(
+        scene[rows], rows, torch.zeros(len(rows), dtype=torch.bool),
+        (f"{int(inside.sum()):,} Gaussians are left out, nothing is put in their place",),
+    )  # fmt: skip
+
+
+def _placed(placement: Placement, change: Change, flags: Flags, own: str) -> Placement:
+    """A placement with one change more; `own` is the key of what is placed."""
+    amount, to = change.amount or 0.0, change.place
+    if change.name == "scale":
+        return replace(placement, scale=1 + amount)
+    if change.name == "turn":
+        return replace(placement, turn=360 * amount)
+    if to is None or to.of:
+        return replace(placement, to=_beside(to, flags, own), copy=change.name == COPY)
+    far = 0.5 if change.amount is None else amount  # of its size: plainly seen, and still in view
+    right, back, up = (far * each for each in OFFSETS[to.side])
+    return replace(placement, offset=(right, back, up), unit=1.0 if to.units else None)
+
+
+def _beside(place: Place | None, flags: Flags, own: str | None) -> RelativePlace | None:
+    """The place as `gsedit.change.objects.placing` has it; `own` is the key of what is placed."""
+    if place is None:
+        return None
+    of = "subject" if place.of == "it" else place.of
+    side = cast("Side", place.side)  # a place of something is no mere way
+    return RelativePlace(side, None if of == own else flags[of])
+
+
+def _insert(
+    scene: Gaussians, run: Sequence[Change], flags: Flags, cameras: Sequence[Camera]
+) -> Outcome:
+    """The scene with the object of a file put in.
+
+    It is the subject, and upright, as the cameras beside its file see it, if there are some.
+    """
+    change, turn = run[0], 360 * sum(each.amount or 0.0 for each in run[1:])
+    where, beside = change.place, cameras_file(change.phrase)
+    other, up = load(change.phrase), None
+    if beside is not None:
+        viewpoints = that_see(read_cameras(beside), other)
+        if viewpoints:
+            up = up_of([each.camera for each in viewpoints])
+            other = other[Finder(other, viewpoints).subject.inside]
+    if where and where.side == "on" and where.of in GROUNDS:
+        where = None  # anywhere on it, not its middle
+    at = _beside(where, flags, None)
+    return objects.insert(scene, other, at, cameras, turn=turn, up=up)
+
 
 SEEN_VIEWS = 12
 """Most pictures that tell which Gaussians are seen."""

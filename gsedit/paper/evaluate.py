@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterable, Mapping
+from collections.abc import Generator, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 
@@ -12,20 +12,72 @@ from torch import Tensor
 
 from gsedit.measures.against import TARGETS_ARE
 from gsedit.measures.agreement import Pictures, UneditedViews, spread
+from gsedit.measures.decibels import rmse_from_psnr
 from gsedit.measures.evaluation import evaluate
 from gsedit.measures.evaluation_input import EvaluationInput
+from gsedit.measures.formulas import psnr
 from gsedit.paper.edit_views import MEASURE, match_views, sample_views
 from gsedit.paper.evidence import SHEET_HELD_OUT_VIEWS, EditMetrics, Evidence, HeldOutViews
-from gsedit.paper.measure_progress import MAX_PROGRESS_VIEWS, error_event, true_edits
 from gsedit.paper.request import name_of
-from gsedit.paper.session import Session
+from gsedit.paper.session import Session, preview
 from gsedit.run.events import Event
 from gsedit.scene.outcome import Outcome
 from gsedit.scene.picture import render_picture
 from gsedit.select.region import Region
-from gsedit.views.dataset import View
+from gsedit.views.dataset import View, evenly_spaced
 from gsedit.views.view_list_files import Role, ViewList
 from gsedit.views.viewpoints import Viewpoint
+
+MAX_PROGRESS_VIEWS = 3
+"""Most views that are measured while the work goes on, and by the perceptual distance at the end;
+the other metrics are measured at all."""
+
+
+def error_event(
+    stage: str,
+    seconds: float,
+    decibels: float | None,
+    truths: int,
+    step: int = 0,
+    steps: int = 0,
+    loss: float | None = None,
+) -> Event:
+    """A mean PSNR, if there is one, as an event: to the true edit of so many held-out views, or of
+    none, to the targets, which tells how far the scene follows them and not how good they are."""
+    if decibels is None:
+        return Event(stage, seconds, step, steps, loss)
+    known = f"ground truth at {truths} held-out cameras"
+    against = known if truths else "targets it is fitted to (residual)"
+    note = f"{decibels:.2f} dB to the {against}"
+    return Event(stage, seconds, step, steps, loss, rmse_from_psnr(decibels), note)
+
+
+def measure_progress(session: Session, step: int, steps: int, loss: float | None) -> Event:
+    """The error of the scene as it is now, at up to three evenly spaced views.
+
+    Against the ground truth at held-out cameras where it is known, otherwise against the targets.
+    """
+    truths = true_edits(session, _few(session.request.evaluation_views))
+    targets = session.progress.edited.targets
+    expected = truths or {i: targets[i].image for i in _few(tuple(targets))}
+    values = [psnr(preview(session, i), image) for i, image in expected.items()]
+    decibels = sum(values) / len(values) if values else None
+    seconds = session.progress.stopwatch.seconds
+    return error_event("update", seconds, decibels, len(truths), step, steps, loss)
+
+
+def true_edits(session: Session, views: Sequence[int]) -> dict[int, Float[Tensor, "h w 3"]]:
+    """The true edit of these views within the region, by index; nothing where it is unknown."""
+    truth = session.progress.edited.ground_truth
+    if truth is None:
+        return {}
+    unedited = {i: session.unedited.picture(i) for i in views}
+    return {i: session.within_region(i, truth(image[None])[0]) for i, image in unedited.items()}
+
+
+def _few(indices: Sequence[int]) -> list[int]:
+    """At most MAX_PROGRESS_VIEWS of the indices, evenly spaced."""
+    return [indices[i] for i in evenly_spaced(len(indices), MAX_PROGRESS_VIEWS)] if indices else []
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

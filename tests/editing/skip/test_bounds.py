@@ -11,8 +11,8 @@ from three_scenes import EXHIBITS, Exhibit
 
 from gsedit.capture.fitting.random_crops import cut, random_patch, share_of_crops
 from gsedit.paper.consistency.correspond import correspond
+from gsedit.paper.draw import INVISIBLE_COLOR, band_colors, visible_coefficients
 from gsedit.paper.edit_views import MIN_MATCH_OVERLAP
-from gsedit.paper.survey import INVISIBLE_COLOR, band_colors, visible_coefficients
 from gsedit.paper.view_plan import survey, view_overlap
 from gsedit.select.finder import Finder
 from gsedit.select.region import Region, coverage
