@@ -51,7 +51,7 @@ class Klein(Model):
     text_encoder: TextNetwork
     tokenizer: Any
     scheduler: Any
-    """diffusers' FlowMatchEulerDiscreteScheduler."""
+    """A FlowMatchEulerDiscreteScheduler of diffusers."""
     distilled: bool = True
     """Without guidance: the branch of the instruction is all there is."""
     predicts: Prediction = "flow"
