@@ -24,7 +24,7 @@ from gsedit.run.events import Checkpoint, Event
 from gsedit.scene.picture import render_picture
 from gsedit.views.dataset import Dataset, View
 from gsedit.views.load import load_dataset
-from rasterizer.numerics import Execution
+from rasterizer.numerics import Execution, ruled
 from rasterizer.scene import Gaussians
 from research.figures import draw_errors
 from research.fit import captures
@@ -89,12 +89,12 @@ class BenchSettings:
 
 
 @torch.no_grad()
+@ruled
 def measure(scene: Gaussians, views: Sequence[View], execution: Execution) -> Quality:
     """Error, structure and perceptual distance of renders, clamped to [0, 1], to photos; masked
     pixels do not count."""
     shown = [view for view in views if view.mask is None or view.mask.any()]
-    pairs = [(render_picture(scene, view.camera, execution), view.image, view.mask)
-             for view in shown]  # fmt: skip
+    pairs = [(render_picture(scene, view.camera), view.image, view.mask) for view in shown]
     distances = [each for pair in pairs if (each := perceptual(*pair)) is not None]
     return Quality(
         mean(nearness(*pair) for pair in pairs),
