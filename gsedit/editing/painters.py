@@ -79,7 +79,7 @@ def paint_objects(
         _check(change, inside, whole=True)
         among = None if inside.all() else inside
         return objects.grow(scene, change.name, 1 + (change.amount or 0), among, cameras)
-    _check(change, inside, whole=change.name == COPY)
+    _check(change, inside, whole=change.name in (COPY, "scale", "turn"))
     if change.name == "remove" and change.target == "background":
         return _without(scene, inside)
     if change.name == "remove":

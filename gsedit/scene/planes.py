@@ -130,6 +130,9 @@ ABOVE = 0.97
 TOUCHING, FOOT = 0.25, 0.005
 """Largest height of the object's foot over the plane, of its extent, and the share of the object
 that is its foot: legs are thin."""
+SLOPE = (0.42, 0.87)
+"""Cosines between the normal and up of slopes: on less a thing hangs as on a wall, on more it
+stands; between them it would slide (30 to 65 degrees)."""
 LEVEL = 40
 """Power of the cosine between its normal and up in half of its votes: at 10 degrees, half of it."""
 BAND = 3.0
@@ -210,7 +213,9 @@ def _voted_support(
         heights *= np.copysign(1.0, np.median(heights, axis=0))
         lowest, foot = np.quantile(heights, (1 - ABOVE, FOOT), axis=0)
         carrying = (lowest >= -tolerance) & (foot <= TOUCHING * extent)
-        level = 1.0 if up is None else np.abs(normals @ up) ** LEVEL
+        upright = np.ones(len(normals)) if up is None else np.abs(normals @ up)
+        level = upright**LEVEL
+        carrying &= (upright < SLOPE[0]) | (upright > SLOPE[1])
         return np.where(carrying, on.mean(0) * (1 + level) / 2, 0.0)
 
     for near in NEAR:

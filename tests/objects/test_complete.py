@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from gsedit.change.objects.removal.complete import complete
+from gsedit.change.objects.removal.fill import around
 from gsedit.change.objects.removal.sheet import find_shade
 
 ROWS, COLUMNS = np.mgrid[:64, :64]
@@ -57,3 +58,24 @@ def test_a_shadow_is_found_and_paint_is_not():
     rug = np.where((away < 14)[..., None], (0.6, 0.1, 0.1), pattern("stripes"))
     shade, _ = find_shade(rug, everywhere, ~everywhere, caster, ~everywhere, 40.0)
     assert (shade == 1).all()
+
+
+def test_a_pale_stone_in_a_shadow_becomes_no_brighter_than_what_is_lit():
+    away = np.hypot(ROWS - 32, COLUMNS - 32)
+    caster, everywhere = away < 5, np.ones((64, 64), bool)
+    light = 1 - 0.5 * np.clip(1 - away / 18, 0, 1)
+    picture = pattern("checker") * light[..., None]
+    stone = np.zeros_like(caster)
+    stone[30:34, 39:43] = True
+    picture[stone] = pattern("checker").max((0, 1))
+    shade, _ = find_shade(picture, everywhere, ~everywhere, caster, ~everywhere, 40.0)
+    assert (shade[~stone & (away > 6) & (away < 14)] < 0.9).mean() > 0.3
+    assert (picture / shade)[stone].mean(0).max() < 1.05 * pattern("checker").max()
+
+
+def test_a_hole_is_filled_from_what_is_near_it():
+    hole = np.hypot(ROWS - 8, COLUMNS - 8) < 4
+    near = around(~hole, hole)
+    assert near[8, 16]
+    assert not near[:, 30:].any()
+    assert not (near & hole).any()

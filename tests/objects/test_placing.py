@@ -147,6 +147,16 @@ def test_it_goes_down_no_farther_than_to_what_carries_it(labelled, ball, cameras
     assert abs(float(over)) < 0.1 * HEIGHT
 
 
+def test_a_whole_scene_is_scaled_and_turned_but_goes_nowhere(labelled, cameras):
+    scene, whole = labelled.scene, torch.ones(len(labelled.scene), dtype=torch.bool)
+    outcome = place(scene, whole, Placement(scale=0.5, turn=90), cameras)
+    before, after = (torch.pdist(each.means[::200]) for each in (scene, outcome.scene))
+    assert torch.allclose(after, before / 2, rtol=1e-3, atol=1e-4)
+    assert outcome.changed.all()
+    with pytest.raises(UsageError, match="whole scene"):
+        place(scene, whole, Placement(offset=(1.0, 0.0, 0.0)), cameras)
+
+
 @pytest.fixture(scope="module")
 def pedestal():
     """A statue on a pedestal that has no room for a second one; its cameras."""

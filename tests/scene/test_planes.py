@@ -47,3 +47,15 @@ def test_of_a_tilted_and_a_level_plane_with_as_many_votes_the_level_one_carries(
     support = find_support(points, np.arange(len(points)) < len(ball), np.ones(len(points)), up)
     assert support is not None
     assert support.normal @ up > 0.999
+
+
+def test_a_thing_stands_on_no_steep_slope_however_much_of_it_is_around():
+    random, up = np.random.default_rng(0), np.array((0.0, 0.0, 1.0))
+    ball = random.uniform((-0.4, -0.4, 0.1), (0.4, 0.4, 0.9), (2000, 3))
+    x, y = random.uniform(-1, 1, (2, 9000))
+    points = np.concatenate(
+        (ball, np.stack((x, y, 0 * x), 1)[:1500], np.stack((x, y, x - 0.4), 1)[1500:])
+    )
+    support = find_support(points, np.arange(len(points)) < len(ball), np.ones(len(points)), up)
+    assert support is not None
+    assert support.normal @ up > 0.999

@@ -181,7 +181,9 @@ def place(
 
     It is set on the surface under it, lit as its new place is, and casts a soft shadow there; the
     hole that it leaves is filled. `cameras` say what left, right and back are; found if there are
-    none. Raises UsageError for a region that is empty or everything, and for values out of range.
+    none. A whole scene is scaled and turned about its lowest point, and keeps its light. Raises
+    UsageError for a region that is empty, a whole scene that is to go elsewhere, and values out of
+    range.
     """
     check_placement(placement, inside, len(scene))
     check_finite(scene)
@@ -193,6 +195,9 @@ def place(
     inside = torch.from_numpy(tidied(scene.means.numpy(), inside.numpy()))
     body = scene[inside]
     stance = stance_of(body, scene[~inside], around.up)
+    if bool(inside.all()) and not placement.copy:
+        rows = torch.arange(len(scene))
+        return Outcome(moved(body, _grown(stance, placement)), rows, torch.ones_like(inside), ())
     if stance.stands and placement.offset[2] < 0 and placement.only_rises:
         return replace(same(scene), notes=(RESTS,))
     gone = same(scene) if placement.copy else remove(scene, asked, seen_from)

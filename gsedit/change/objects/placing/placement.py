@@ -70,7 +70,8 @@ def check_placement(placement: Placement, inside: Bool[Tensor, " n"], count: int
     """Raise UsageError for an object or values that nothing can be placed by, in a scene of `count`
     Gaussians."""
     check_region(inside, count)
-    if not placement.copy and bool(inside.all()):
+    away = placement.moves or placement.offset[2]
+    if away and not placement.copy and bool(inside.all()):
         raise UsageError(
             "the object is the whole scene, which leaves nothing to place it on: name a part of "
             "it, or move the scene with gsedit transform"

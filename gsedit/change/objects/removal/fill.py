@@ -38,10 +38,17 @@ SMOOTHED = 0.1
 def filled(kept: Gaussians, sheet: Sheet, plane: Plane) -> tuple[Gaussians, bool]:
     """The Gaussians of a sheet's hole, and whether they have texture; `kept` is what is left of the
     scene."""
-    done = complete(sheet.values[..., :3], sheet.known, sheet.hole)
+    done = complete(sheet.values[..., :3], around(sheet.known, sheet.hole), sheet.hole)
     copies = _copies(kept, sheet, plane, done)
     sink = DEEPER * plane.band if len(copies) else 0.0
     return concatenate(copies, _discs(sheet, plane, done.picture, sink, kept)), done.textured
+
+
+def around(
+    known: Bool[np.ndarray, "h w"], hole: Bool[np.ndarray, "h w"]
+) -> Bool[np.ndarray, "h w"]:
+    """Flag what is known near a hole: its texture goes on there, and no other surface's."""
+    return known & (away_from(hole) < 3 + SURROUNDINGS * np.sqrt(hole.sum()))
 
 
 def _copies(kept: Gaussians, sheet: Sheet, plane: Plane, done: Completed) -> Gaussians:
@@ -148,8 +155,7 @@ def backdrop(
     depth = shown.median_depth
     assert depth is not None
     solid = (shown.alpha.numpy() > KNOWN) & (depth.numpy() > 0)
-    size = float(np.sqrt(hole.sum()))
-    known = solid & ~hole & (away_from(hole) < 3 + SURROUNDINGS * size)
+    known = around(solid & ~hole, hole)
     done = complete(shown.color.double().numpy(), known, hole)
     inverse = 1 / np.where(known, depth.double().numpy(), 1.0)
     smooth = solve_membrane(inverse[..., None], hole, known)[hole][:, 0]

@@ -391,6 +391,9 @@ SOFT = 0.82
 """Light at the border of a shadow, of what is usual, from which it fades out."""
 FADES = 0.05
 """Least difference in light of its farthest and nearest quarters, then: else it is the ground's."""
+BRIGHTEST = 0.9
+"""Share of what is lit that is darker than the most a shadow is brightened to: a pale stone in one
+becomes no white one."""
 PATTERN = 4.0
 """Least standard deviation of the blur that leaves the light of a surface, cells: a pattern of its
 own, as a floor's tiles, is no light."""
@@ -438,11 +441,28 @@ def find_shade(
     shadow = touching(dark, source)
     if not shadow.any() or not _cast(light, shadow, known & ~shadow, away):
         return none[0], contact
-    light = mean_around(picture, seen, max(PATTERN, sigma)) / usual
+    light = _left_of(picture, seen, usual, (wide, far), sigma)
     fading = np.where(shadow[..., None], light.clip(0.05, 1.0), 1.0)
     fading = mean_around(fading, seen, max(1.0, sigma / 2)).clip(0.05, 1.0)
     contact |= shadow & (fading.mean(-1) < DEEP)
     return np.where(known[..., None], fading, 1.0), contact
+
+
+def _left_of(
+    picture: Float[np.ndarray, "h w 3"],
+    seen: Float[np.ndarray, "h w"],
+    usual: Float[np.ndarray, "h w 3"],
+    lit: tuple[Float[np.ndarray, "h w"], Bool[np.ndarray, "h w"]],
+    sigma: float,
+) -> Float[np.ndarray, "h w 3"]:
+    """Share of the usual light, even as a shadow; more where a cell would outshine what is lit.
+
+    `lit` has the light averaged widely, and flags of the cells out of the shadow.
+    """
+    wide, far = lit
+    most = np.quantile(picture.mean(-1)[far] / np.maximum(wide[far], 1e-3), BRIGHTEST)
+    even = mean_around(picture, seen, max(PATTERN, sigma)) / usual
+    return np.maximum(even, mean_around(picture, seen, 1.0) / (most * usual))
 
 
 def _cast(
