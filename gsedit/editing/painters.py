@@ -59,6 +59,8 @@ class Looking:
     cameras: Sequence[Camera] = ()
     """Cameras that tell sides, light, and which Gaussians are seen."""
     execution: Execution = AUTO
+    coarse: bool = False
+    """Whether the scene holds groups of Gaussians: no discs are laid on them."""
 
     def seen(self, scene: Gaussians) -> Float[Tensor, " n"] | None:
         """How many pixels of small pictures each Gaussian fills; None without cameras."""
@@ -106,7 +108,10 @@ def paint_material(
             f"there is no material {change.name!r}: gsedit list looks shows what there is"
         )
     seen, shown = looking.seen(scene), flags.get("shown")
-    return in_material(scene, inside, material, looking.cameras, looking.execution, seen, shown)
+    return in_material(
+        scene, inside, material, looking.cameras, looking.execution, seen, shown,
+        discs=not looking.coarse,
+    )  # fmt: skip
 
 
 def paint_light(scene: Gaussians, run: Sequence[Change], flags: Flags, looking: Looking) -> Outcome:
