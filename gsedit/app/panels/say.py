@@ -191,7 +191,7 @@ class Say:
         """Lay the numbers of the objects over the picture."""
         if not self.marked or not self.page.has_scene:
             self.tab.drop(MARK)
-            return self.tab.over("")
+            return self.tab.over("") if self.page.has_scene else self.tab.welcome()
         loaded, camera = self.page.loaded, self.tab.camera()
         work = lambda: marks(loaded.scene, loaded.ready().segments, camera)  # noqa: E731
 

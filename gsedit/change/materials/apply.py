@@ -321,10 +321,7 @@ def study(
     directions = _smoother(directions, few, near) if laid.count else directions
     relief = carved(part, directions, near, few)
     normals = engraved(part.means, directions, relief, near)
-    turn = torch.from_numpy(turn_between(up.numpy(), np.array((0.0, 0.0, 1.0)))).to(part.means).T
-    ground = Ground(
-        (part.means - center) @ turn / max(radius, FAINT), normals @ turn, relief.hollow
-    )
+    ground = _ground(part, normals, relief.hollow, up, (center, radius))
     sure = float(confidence.median())
     looked = looked_from(part.means[few.rows[:0] if matte else few.rows], cameras)
     if eyes is not None:
@@ -343,6 +340,19 @@ def study(
     sides = torch.cat([arriving(light, bare[rows]) for rows in _parts(len(some))])
     skin = Skin(part.means, normals, relief.detail, few.spread(open_), torch.arange(len(part)))
     return Studied(laid, few, light, skin, ground, few.spread(sides), looked, sure, notes)
+
+
+def _ground(
+    part: Gaussians,
+    normals: Float[Tensor, "m 3"],
+    hollow: Float[Tensor, " m"],
+    up: Float[Tensor, "3"],
+    ball: tuple[Tensor, float],
+) -> Ground:
+    """Ground of patterns: the part around the middle of its ball, upright."""
+    turn = torch.from_numpy(turn_between(up.numpy(), np.array((0.0, 0.0, 1.0)))).to(part.means).T
+    center, radius = ball
+    return Ground((part.means - center) @ turn / max(radius, FAINT), normals @ turn, hollow)
 
 
 def _smoother(
