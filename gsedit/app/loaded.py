@@ -18,8 +18,10 @@ from gsedit.errors import GseditError
 from gsedit.formats.scenes import read_scene
 from gsedit.scene.cache import SceneCache
 from gsedit.scene.framing import Bounds, bounds, framing_camera, guess_up
+from gsedit.scene.merging import MergedScene, coarsen
 from gsedit.views.around import FOUND_VIEWS, find_viewpoints
 from gsedit.views.cameras_json import cameras_file, recorded_viewpoints
+from gsedit.views.dataset import evenly_spaced
 from gsedit.views.paths import up_of
 from gsedit.views.viewpoints import Viewpoint
 from rasterizer.camera import Camera
@@ -88,6 +90,20 @@ VIEW_PIXELS = 256
 has it."""
 
 
+DRAFT_GAUSSIANS, DRAFT_VIEWS, DRAFT_PIXELS = 20_000, 16, 128
+"""Groups of a scene that is changed within half a second, about as the whole; and the views in
+which it is looked at, with their longer side."""
+
+
+@dataclass(frozen=True, eq=False)
+class Draft:
+    """A scene in few groups, as coarse previews change it."""
+
+    merged: MergedScene
+    cameras: tuple[Camera, ...]
+    cache: SceneCache
+
+
 @dataclass(frozen=True, eq=False)
 class Loaded:
     """A scene that was read from a file."""
@@ -142,9 +158,20 @@ class Loaded:
         """Results about the scene that previews need alike."""
         return SceneCache(self.scene)
 
+    @cached_property
+    def draft(self) -> Draft | None:
+        """The scene in few groups; None where it has no more Gaussians than that."""
+        merged, views = coarsen(self.scene, DRAFT_GAUSSIANS), self.viewpoints
+        if merged is None:
+            return None
+        few = (views[i].camera for i in evenly_spaced(len(views), DRAFT_VIEWS))
+        cameras = tuple(each.fitted(DRAFT_PIXELS) for each in few)
+        return Draft(merged, cameras, SceneCache(merged.scene))
+
     def forget(self) -> None:
         """Drop these results: they take more memory than the scene, and another one is shown."""
-        self.__dict__.pop("cache", None)
+        for name in ("cache", "draft"):
+            self.__dict__.pop(name, None)
 
     @cached_property
     def middle(self) -> torch.Tensor:

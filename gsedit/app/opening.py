@@ -14,6 +14,7 @@ from gsedit.errors import GseditError, UsageError
 from gsedit.formats.edit_records import read_edit_record
 from gsedit.formats.registry import READABLE
 from gsedit.run.inputs import safe_name
+from gsedit.views.cameras_json import NAME as CAMERAS
 
 if TYPE_CHECKING:
     from gsedit.app.page import Page
@@ -176,6 +177,8 @@ def fit_scene(page: Page, posed: Path, quality: str) -> None:
         name = str(out.relative_to(page.folder))
         page.change(documents.opened(Path(page.document.source), Path(name), titled(quality)))
 
+    if (cameras := posed / CAMERAS).is_file():  # which show the scene while it grows
+        keep(out.with_name(CAMERAS), cameras.read_bytes())
     checkpoint = out.with_suffix(".checkpoint.safetensors")
     pending = Pending(titled(quality), command)
     page.run(command, "fitting the scene", done, checkpoint, pending)

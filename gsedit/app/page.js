@@ -3,14 +3,22 @@
 const KNOWN = /\.(SUFFIXES)$/i;
 const PAUSE = 50;
 const BOX = "Say what should change";
+const ICONS = { "list-search": "commands (Ctrl-K)", adjustments: "settings of the view" };
 let sending = Promise.resolve();
 
 const field = () => document.querySelector('input[type="file"]');
 const later = (milliseconds) => new Promise((again) => setTimeout(again, milliseconds));
 
-async function send(file) {
+// How many files of a drop have come is told in one line.
+const told = document.createElement("div");
+told.id = "sending";
+told.setAttribute("role", "status");
+
+async function send(file, number = 1, count = 1) {
   const input = field();
   if (!input) return;
+  told.textContent = `Sending ${number} of ${count}: ${file.name.split("/").at(-1) || "done"}`;
+  document.body.append(told);
   const one = new DataTransfer();
   one.items.add(file);
   input.files = one.files;
@@ -18,10 +26,7 @@ async function send(file) {
   const button = input.parentElement.querySelector("button");
   do await later(PAUSE);
   while (button.disabled);
-  for (const each of document.querySelectorAll('[role="alert"]')) {
-    // one notice at a time: the others told of files before
-    if (/^Uploading .*\n.*success/s.test(each.innerText)) each.querySelector("button")?.click();
-  }
+  if (number === count) told.remove();
 }
 
 async function filesBelow(entry, path) {
@@ -50,8 +55,9 @@ async function sendFolder(entry) {
     for (const letter of known) key = (key * 31 + letter.codePointAt(0)) >>> 0;
   }
   const place = key.toString(16).padStart(8, "0");
-  for (const [path, file] of files) await send(new File([file], `${place}/${path}`));
-  await send(new File([" "], `${place}/${entry.name}/`));
+  files.push([`${entry.name}/`, " "]);
+  for (const [i, [path, file]] of files.entries())
+    await send(new File([file], `${place}/${path}`), i + 1, files.length);
 }
 
 const queued = (work) => (sending = sending.then(work).catch((error) => console.warn(error)));
@@ -71,7 +77,8 @@ addEventListener(
   (event) => {
     if (event.target !== field() || event.target.files.length < 2) return;
     event.stopPropagation();
-    for (const file of [...event.target.files]) queued(() => send(file));
+    const files = [...event.target.files];
+    for (const [i, file] of files.entries()) queued(() => send(file, i + 1, files.length));
   },
   true,
 );
@@ -172,8 +179,19 @@ new MutationObserver(() => {
     const place = `left:${box.left}px;top:${box.top}px;width:${box.width}px;height:${box.height}px`;
     if (over.style.cssText !== place) over.style.cssText = place;
   }
+  // without a scene there is nothing to select and no use for tools
+  const bare = !!document.querySelector(".laid.nothing");
+  const tabs = [...document.querySelectorAll('[role="tab"]')];
+  if (tabs.length > 2 && bare !== document.body.classList.contains("bare")) {
+    document.body.classList.toggle("bare");
+    const enter = new KeyboardEvent("keydown", { key: "Enter", bubbles: true });
+    tabs.at(bare ? -1 : 0).dispatchEvent(enter);
+  }
   for (const each of document.querySelectorAll('[role="alert"]')) {
-    if (each.innerText.startsWith("Received ")) each.querySelector("button")?.click(); // told by us
+    if (!/^(Received|Uploading) /.test(each.innerText)) continue; // told by us
+    each.style.display = "none";
+    if (!/^Uploading/.test(each.innerText) || /success/.test(each.innerText))
+      each.querySelector("button")?.click();
   }
   for (const label of document.querySelectorAll("label[for]")) {
     const row = label.closest("div[class]")?.parentElement.parentElement;
@@ -188,6 +206,8 @@ new MutationObserver(() => {
     }
   }
   for (const each of document.querySelectorAll("button:not([aria-label])")) {
-    if (!each.innerText.trim()) each.setAttribute("aria-label", each.title || "panel");
+    const icon = /list-search|adjustments/.exec(each.querySelector("svg")?.getAttribute("class"));
+    if (!each.innerText.trim())
+      each.setAttribute("aria-label", (each.title ||= ICONS[icon?.[0]] ?? "panel"));
   }
 }).observe(document, { childList: true, subtree: true, characterData: true });

@@ -15,28 +15,25 @@ from jaxtyping import UInt8
 from torch import Tensor
 
 from gsedit.app.frames import SMALL_SCENE
-from gsedit.app.loaded import Loaded, give_back
+from gsedit.app.loaded import DRAFT_PIXELS, Loaded, give_back
 from gsedit.app.reading import Reading, editor_2d, read
 from gsedit.editing.edit import change_steps
 from gsedit.editing.measure import Changed
 from gsedit.editing.parts import SUBJECT, aimed_at, find_parts
 from gsedit.editing.plan import is_exact, key_of
-from gsedit.editing.preview import drawn_region, preview_edited, shown_by
-from gsedit.errors import GseditError
+from gsedit.editing.preview import drawn_region, preview_coarse, preview_edited, shown_by
+from gsedit.errors import GseditError, UsageError
 from gsedit.formats.pictures import eight_bits
 from gsedit.paper.settings import EditSettings
 from gsedit.run.events import returned
 from gsedit.select.finder import Finder, Names
-from gsedit.select.region import tinted
 from gsedit.select.saved import saved_files
-from gsedit.words.lexicon import materials
 from rasterizer.camera import Camera
 from rasterizer.scene import Gaussians
 
 SLOW_ROUTES = ("paint", "material")
 """Routes that are quicker where only the Gaussians of one view get their reflections."""
-PREPARED = ("make it night", "make it half the size", "paint it glossy red",
-            "a thick layer of snow on it")  # fmt: skip
+PREPARED = ("make it night", "paint it glossy red", "remove it", "a thick layer of snow on it")
 """Sentences whose previews are made before anyone asks: they need all that is kept of a scene."""
 
 
@@ -80,18 +77,20 @@ class Previewer:
         union = torch.stack(flags).any(0)
         return None if union.all() else union
 
-    def glimpse(self, reading: Reading, flags: Tensor | None) -> Gaussians | None:
-        """The scene about as the first change of a sentence makes it, at once: in its color, or
-        without what is removed; None where nothing is quicker than the preview itself."""
-        assert reading.first is not None
-        change, scene = reading.first.changes[0], self.loaded.scene
-        color = change.color or materials().get(change.name)
-        if flags is not None and (change.kind, change.name) == ("object", "remove"):
-            return scene[~flags]
-        if flags is None or change.route not in SLOW_ROUTES or color is None:
+    @torch.no_grad()
+    def glimpse(self, reading: Reading, camera: Camera) -> Gaussians | None:
+        """The scene about as an exact sentence makes it, at once: made of its groups, looked at
+        from few sides and from here; None where nothing is quicker than the preview itself."""
+        draft = self.loaded.draft
+        if draft is None or reading.first is None or not self.is_exact(reading):
             return None
-        r, g, b = (int(color[i : i + 2], 16) / 255 for i in (1, 3, 5))
-        return tinted(scene, flags, (r, g, b))
+        camera = camera.fitted(2 * DRAFT_PIXELS)
+        with suppress(UsageError), draft.cache.used():  # too small for groups: the preview tells
+            return preview_coarse(
+                draft.merged, reading.first, self.finder, draft.cameras, camera,
+                self.settings.execution,
+            )  # fmt: skip
+        return None
 
     def picture(self, reading: Reading, camera: Camera) -> UInt8[np.ndarray, "h w 3"]:
         """One view as the 2D editor draws it. Raises UsageError as `preview_edited` does."""
@@ -107,13 +106,14 @@ class Previewer:
     def prepare(
         self, wanted: Callable[[], bool] = lambda: True, sentences: Sequence[str] = PREPARED
     ) -> None:
-        """Warm the caches, for small scenes, with what the sentences need. Stop when it is not
-        `wanted`."""
-        small = len(self.loaded.scene) <= SMALL_SCENE
-        for sentence in sentences if small else ():
-            with suppress(GseditError):
-                if wanted():
-                    self.scene(read(sentence), self.loaded.first_camera())
+        """Warm the caches with what glimpses of the sentences need and, of small scenes, what
+        they need themselves. Stop when it is not `wanted`."""
+        camera, small = self.loaded.first_camera(), len(self.loaded.scene) <= SMALL_SCENE
+        for make in (self.glimpse, self.scene)[: 1 + small]:
+            for sentence in sentences:
+                with suppress(GseditError):
+                    if wanted():
+                        make(read(sentence), camera)
         give_back()
 
     def prepare_behind(

@@ -89,6 +89,13 @@ def button(action: str, inner: str, *, label: str = "", kind: str = "chip", styl
     )
 
 
+WELCOMES = {
+    (False, False): "Drop photos of one thing, a video or a scene here.",
+    (False, True): "Your photos are here. Now make a scene of them, in the panel.",
+    (True, False): "One moment…",
+    (True, True): "Your scene appears here as it grows.",
+}
+"""Words in the place of the picture: by whether work is in hand, and whether photos are there."""
 GO = (1.0, 0.25, 0.1)
 """Color of what would go."""
 
@@ -149,10 +156,13 @@ class Tab:
         page.listen(self, "scene", self.new_scene)  # before what panels do then
         for what in ("selection", "growing"):
             page.listen(self, what, self.refresh)
+        for what in ("document", "growing", "busy"):
+            page.listen(self, what, self.welcome)
 
     def start(self) -> None:
         """Show the page's scene, from where a person last looked at it, and begin to draw."""
         self.refresh()
+        self.welcome()
         self.client.camera.on_update(lambda _: self._painter.look())
         self._painter.look()
 
@@ -365,9 +375,18 @@ class Tab:
 
     def over(self, html: str) -> None:
         """Lay controls over the picture, at places in shares of its size; "": nothing."""
-        laid = f'<div class="laid">{html}</div>'  # page.js moves it
+        bare = "" if self.page.has_scene else " nothing"
+        laid = f'<div class="laid{bare}">{html}</div>'  # page.js moves it
         if self._over.content != laid:
             self._over.content = laid
+
+    def welcome(self) -> None:
+        """Say in the place of the picture what to do while there is none."""
+        page = self.page
+        if not page.has_scene:
+            told = page.busy is not None, bool(page.document.source)
+            html = f'<div class="welcome">{WELCOMES[told]}</div>'
+            self.over("" if page.growing is not None else html)
 
     def tell(self, text: str) -> None:
         """Say something that goes away by itself, in the place of what was said before."""

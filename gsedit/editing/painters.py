@@ -167,6 +167,8 @@ class Looking:
 
     cameras: Sequence[Camera] = ()
     """Cameras that tell sides, light, and which Gaussians are seen."""
+    coarse: bool = False
+    """Whether the scene holds groups of Gaussians: no discs are laid on them."""
 
     def seen(self, scene: Gaussians) -> Float[Tensor, " n"] | None:
         """How many pixels of small pictures each Gaussian fills; None without cameras."""
@@ -212,7 +214,10 @@ def paint_material(
             f"there is no material {change.name!r}: gsedit list looks shows what there is"
         )
     seen, shown = looking.seen(scene), flags.get("shown")
-    return in_material(scene, inside, material, looking.cameras, seen, shown)
+    return in_material(
+        scene, inside, material, looking.cameras, seen, shown,
+        discs=not looking.coarse,
+    )  # fmt: skip
 
 
 def paint_light(scene: Gaussians, run: Sequence[Change], flags: Flags, looking: Looking) -> Outcome:

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from jaxtyping import Bool, Float
@@ -14,8 +14,9 @@ from PIL import Image
 from torch import Tensor
 
 from gsedit.editing.edit import change_steps
+from gsedit.editing.painters import PAINTERS, Looking
 from gsedit.editing.parts import aimed_at, find_parts
-from gsedit.editing.plan import key_of
+from gsedit.editing.plan import key_of, runs_of
 from gsedit.formats.pictures import fitted_size
 from gsedit.paper.diffusion.settings import SamplerSettings
 from gsedit.paper.guided import carry_change
@@ -24,6 +25,8 @@ from gsedit.paper.settings import EditSettings
 from gsedit.paper.unedited import edit_camera
 from gsedit.pictures.contact_sheet import contact_sheet
 from gsedit.run.events import returned
+from gsedit.scene.merging import MergedScene
+from gsedit.scene.outcome import same
 from gsedit.scene.picture import render_picture
 from gsedit.select.finder import Finder, Names
 from gsedit.select.region import Region, coverage, lift
@@ -79,6 +82,26 @@ def preview_exact(
     found = () if changed.region.is_all else (f"region: {changed.region.note}",)
     notes = (*found, *changed.notes)
     return Preview(View("before", camera, before), View("after", camera, after), notes)
+
+
+@ruled
+@torch.no_grad()
+def preview_coarse(
+    merged: MergedScene, step: Instruction, finder: Finder, cameras: Sequence[Camera],
+    camera: Camera, execution: Execution = AUTO,
+) -> Gaussians:  # fmt: skip
+    """The finder's scene about as an exact step makes it, and soon: the groups of the merged one
+    are changed, as few `cameras` and this one see them. Raises UsageError as `change_steps`."""
+    (step,) = aimed_at((step,), finder.region)
+    found = find_parts((step,), finder)
+    shown = shown_by(merged.scene, camera, execution)
+    flags = {key: merged.majority(each) for key, each in found.flags.items()} | {"shown": shown}
+    parts, total = replace(found, flags=flags), same(merged.scene)
+    for run in runs_of(step):
+        looking = Looking(cameras, coarse=True)
+        made = PAINTERS[run[0].route](total.scene, run, parts.flags, looking)
+        parts, total = parts.after(run[0], made), total.then(made)
+    return merged.carry(total)
 
 
 def drawn_region(finder: Finder, step: Instruction, editor: Editor) -> Region | None:

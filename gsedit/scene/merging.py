@@ -19,11 +19,12 @@ from torch import Tensor
 
 from gsedit.scene.framing import finest_pixels
 from gsedit.scene.morton import interleave
+from gsedit.scene.outcome import NEW, Outcome
 from gsedit.scene.quaternions import principal_axes
 from rasterizer.camera import Camera
 from rasterizer.numerics import color_to_sh, sh_to_color
 from rasterizer.project import rotation_matrices
-from rasterizer.scene import Gaussians
+from rasterizer.scene import Gaussians, concatenate
 
 MAX_GAUSSIANS = 200_000
 """Gaussians that are edited one by one; of larger scenes, groups are."""
@@ -95,6 +96,22 @@ class MergedScene:
             sh[rows, 1:k] += rest.index_select(0, group)
             opacities[rows] += logits.index_select(0, group)
         return replace(fine, sh=sh, logit_opacities=opacities)
+
+    def carry(self, made: Outcome) -> Gaussians:
+        """The fine scene about as an outcome changes the coarse one: groups that stay where they
+        are give what `transfer` does, all others come as they are made, in place of their own."""
+        scene, rows = made.scene, made.origin.clamp_min(0)
+        start, fine = (each.with_degree(scene.degree) for each in (self.scene, self.fine))
+        stays = made.origin != NEW
+        for name in ("means", "log_scales"):
+            stays &= (getattr(scene, name) == getattr(start, name)[rows]).all(1)
+        kept, old = torch.zeros(len(start), dtype=torch.bool), rows[stays]
+        kept[old] = True
+        sh, logits = start.sh.clone(), start.logit_opacities.clone()
+        sh[old], logits[old] = scene.sh[stays], scene.logit_opacities[stays]
+        edited = replace(start, sh=sh, logit_opacities=logits)
+        moved = replace(self, scene=start, fine=fine).transfer(edited)[self.expand(kept)]
+        return concatenate(moved, scene[~stays])
 
 
 @torch.no_grad()

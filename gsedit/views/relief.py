@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -129,9 +130,13 @@ class Relief:
         """Heights of the 3 x 3 pixels around each, row by row, and whether they are on its
         surface."""
         around = _neighbors(heights)
-        there = _neighbors(self.there.double()) > 0
-        same = there & ((around - heights).abs() < STEP * self.pixel) & self.there
+        same = self._beside & ((around - heights).abs() < STEP * self.pixel)
         return around, same
+
+    @cached_property
+    def _beside(self) -> Bool[Tensor, "9 h w"]:
+        """Whether the 3 x 3 pixels around each one of the surface are of it."""
+        return (_neighbors(self.there.double()) > 0) & self.there
 
 
 def relief_of(part: Gaussians, axis: Float[Tensor, "3"], pixel: float) -> Relief:

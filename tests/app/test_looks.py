@@ -4,7 +4,6 @@ import re
 
 from gsedit.app.opening import open_path
 from gsedit.app.panels.looks import LOOKS, PIXELS, Looks
-from gsedit.app.previews import Previewer
 from gsedit.app.reading import read
 
 
@@ -29,7 +28,7 @@ def test_the_looks_are_made_of_the_scene_and_say_their_sentences(page, scene):
     screen = Screen()
     looks = Looks(page, screen)
     assert "0 of" in screen.shown.content
-    looks.make(Previewer(page.loaded, None), lambda: True)
+    looks.make(lambda: True)
     assert len(re.findall('<img alt=""', screen.shown.content)) == len(LOOKS)
     assert 'data-do="say turn it into bronze"' in screen.shown.content
     assert len(set(page.pictures.values())) == len(LOOKS)  # no two are alike
@@ -38,5 +37,5 @@ def test_the_looks_are_made_of_the_scene_and_say_their_sentences(page, scene):
 
 def test_looks_that_are_not_wanted_any_more_are_not_made(page, scene):
     open_path(page, scene)
-    Looks(page, Screen()).make(Previewer(page.loaded, None), lambda: False)
+    Looks(page, Screen()).make(lambda: False)
     assert not page.pictures

@@ -6,6 +6,7 @@ import pytest
 import torch
 from playroom import playroom
 
+from gsedit.app import loaded
 from gsedit.app.loaded import Loaded
 from gsedit.app.panels.select import Clicks, grown
 from gsedit.app.previews import Previewer
@@ -21,10 +22,10 @@ from rasterizer.numerics import DEFAULT
 def room(tmp_path_factory):
     found = playroom()
     file = tmp_path_factory.mktemp("room") / "room.ply"
-    loaded = Loaded(file, found.scene, DEFAULT, ())
+    made = Loaded(file, found.scene, DEFAULT, ())
     views = tuple(Viewpoint(f"{i}.png", camera) for i, camera in enumerate(found.cameras))
-    loaded.__dict__["recorded"] = views  # there is no file beside it
-    return loaded
+    made.__dict__["recorded"] = views  # there is no file beside it
+    return made
 
 
 def region_of(folder: Path, flags):
@@ -81,4 +82,16 @@ def test_a_prepared_preview_is_that_of_the_edit(room):
     plain = previewer.scene(reading).scene
     previewer.prepare(sentences=("make it night",))
     assert torch.equal(previewer.scene(reading).scene.sh, plain.sh)
+    room.forget()
+
+
+@pytest.mark.parametrize("sentence", ["turn it into gold", "make it night", "remove it"])
+def test_a_glimpse_is_about_what_the_preview_becomes(room, tmp_path, monkeypatch, sentence):
+    monkeypatch.setattr(loaded, "DRAFT_GAUSSIANS", len(room.scene) // 3)
+    room.forget()
+    previewer = Previewer(room, region_of(tmp_path, playroom().of("red ball")))
+    reading, camera = read(sentence), playroom().cameras[0].fitted(64)
+    made = previewer.glimpse(reading, camera), previewer.scene(reading).scene, room.scene
+    glimpse, whole, before = (render_picture(each, camera) for each in made)
+    assert (glimpse - whole).square().mean() < 0.5 * (before - whole).square().mean()
     room.forget()

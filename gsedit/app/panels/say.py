@@ -172,7 +172,7 @@ class Say:
             self.note = "" if chosen or result is None else "Not this? Click the right one."
             self.aimed(result, bool(self.note))
             self.show()
-            self.preview(reading, result, pause, stopped)
+            self.preview(reading, pause, stopped)
 
         self.tab.soon(AIM, find, found)
 
@@ -191,7 +191,7 @@ class Say:
         """Lay the numbers of the objects over the picture."""
         if not self.marked or not self.page.has_scene:
             self.tab.drop(MARK)
-            return self.tab.over("")
+            return self.tab.over("") if self.page.has_scene else self.tab.welcome()
         loaded, camera = self.page.loaded, self.tab.camera()
         work = lambda: marks(loaded.scene, loaded.ready().segments, camera)  # noqa: E731
 
@@ -243,7 +243,7 @@ class Say:
                 return self.previewers[key]
             self.previewers[key] = made = Previewer(loaded, file)
         wanted = partial(self.keeps, key, made)
-        made.prepare_behind(wanted, partial(self.looks.make, made, wanted))
+        made.prepare_behind(wanted, partial(self.looks.make, wanted))
         return made
 
     def keeps(self, key: tuple[Path, Path | None], previewer: Previewer) -> bool:
@@ -255,7 +255,7 @@ class Say:
         """Whether these previews are of the scene that is shown."""
         return self.page.has_scene and previewer.loaded.file == self.page.scene_file
 
-    def preview(self, reading: Reading, flags: Tensor | None, pause: float, stopped: Event) -> None:
+    def preview(self, reading: Reading, pause: float, stopped: Event) -> None:
         """Show the view as it would become: a glimpse, then this view, then right from all sides;
         after a pause in which the next key ends it."""
         previewer, camera, tab = self.previewer(), self.tab.camera(), self.tab
@@ -272,7 +272,7 @@ class Say:
             tab.soon(PREVIEW, self.tried(work), then)
 
         def begin() -> Any:
-            return None if stopped.wait(pause) else previewer.glimpse(reading, flags)
+            return None if stopped.wait(pause) else previewer.glimpse(reading, camera)
 
         def glimpsed(scene: Any) -> None:
             if scene is not None:

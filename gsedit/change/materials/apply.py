@@ -40,7 +40,7 @@ from gsedit.scene.framing import guess_up
 from gsedit.scene.neighbors import k_nearest
 from gsedit.scene.outcome import Outcome
 from gsedit.scene.quantiles import ends
-from gsedit.scene.quaternions import even_directions, turn_between
+from gsedit.scene.quaternions import turn_between
 from gsedit.views.dataset import evenly_spaced
 from gsedit.views.discs import Discs, discs_on
 from gsedit.views.normals import estimate_normals, neighbor_means, rows_near, smoothed, visible_area
@@ -240,6 +240,8 @@ class Studied:
     ground: Ground
     sides: Float[Tensor, "m 2 3"]
     """Light that arrives in front of and behind each Gaussian, of a grey subject."""
+    looked: Float[Tensor, "k d"]
+    """How much the few are looked at from each direction; none of a matte part."""
     sure: float
     """Median confidence of the normals."""
     notes: tuple[str, ...] = ()
@@ -254,8 +256,11 @@ def in_material(
     cameras: Sequence[Camera] = (),
     weights: Float[Tensor, " n"] | None = None,
     shown: Bool[Tensor, " n"] | None = None,
+    *,
+    discs: bool = True,
 ) -> Outcome:
     """The scene with the Gaussians inside in a material; the coefficients of others are the same.
+    `discs`: whether some are laid where they show the material better.
 
     A material that reflects raises the scene's SH to degree 3, with zeros for what is outside; of
     it, only the Gaussians that are `shown` (None: all) are shaded, as for one picture.
@@ -263,7 +268,8 @@ def in_material(
     """
     if not inside.any():
         raise UsageError("the material would be on no Gaussian: name what should be in it")
-    studied = study(scene, inside, cameras, weights, material.is_matte, not material.is_plain)
+    fresh = discs and not material.is_plain
+    studied = study(scene, inside, cameras, weights, material.is_matte, fresh)
     if studied.sure < UNSURE and not material.is_matte:
         raise UsageError(
             "the part's Gaussians show no surface that could reflect (they are needles or fog): "
@@ -277,7 +283,7 @@ def in_material(
     if shown is not None and not material.is_matte:
         only = shown[laid.origin[rows]].nonzero().squeeze(-1)
         rows = rows[only]
-    colored = colors_of(studied, material, cameras, degree, only)
+    colored = colors_of(studied, material, degree, only)
     bare = 1 - coverage(material.clings, studied.ground)[only]
     sh[rows] *= bare[:, None, None].to(sh)
     sh[rows, : colored.shape[1]] += ((1 - bare)[:, None, None] * colored).to(sh)
@@ -313,26 +319,38 @@ def study(
     directions = _smoother(directions, few, near) if laid.count else directions
     relief = carved(part, directions, near, few)
     normals = engraved(part.means, directions, relief, near)
-    turn = torch.from_numpy(turn_between(up.numpy(), np.array((0.0, 0.0, 1.0)))).to(part.means).T
-    ground = Ground(
-        (part.means - center) @ turn / max(radius, FAINT), normals @ turn, relief.hollow
-    )
+    ground = _ground(part, normals, relief.hollow, up, (center, radius))
     sure = float(confidence.median())
+    looked = looked_from(part.means[few.rows[:0] if matte else few.rows], cameras)
     if eyes is not None:
         around = balanced(light_at(scene, eyes, NEAR_EYES * radius, up, cameras=cameras))
         light = lighting(around, None if matte else around)
-        skin = Skin(part.means, normals, relief.detail, torch.ones(len(part), RAYS))
+        every = torch.zeros(len(part), dtype=torch.long)
+        skin = Skin(part.means, normals, relief.detail, torch.ones(1, RAYS), every)
         level = (relief.luminance / USUAL_ALBEDO).clamp(*LEVELS)[:, None, None].expand(-1, 2, 3)
-        return Studied(laid, few, light, skin, ground, level, sure, ())
+        return Studied(laid, few, light, skin, ground, level, looked, sure, ())
     some, flat = part[few.rows], directions[few.rows]
     open_ = past_body(some, some.means, ray_directions().double(), normals=flat).to(normals)
-    bare = Skin(some.means, flat, relief.detail[few.rows], open_)
+    bare = Skin(some.means, flat, relief.detail[few.rows], open_, torch.arange(len(some)))
     weight = visible_area(some) if weights is None or discs is not None else weights[inside]
     around = find_surroundings(scene, inside, up, cameras=cameras)
     light, notes = _light(around, up, relief.color[few.rows], bare.share, weight, matte)
     sides = torch.cat([arriving(light, bare[rows]) for rows in _parts(len(some))])
-    skin = Skin(part.means, normals, relief.detail, few.spread(open_))
-    return Studied(laid, few, light, skin, ground, few.spread(sides), sure, notes)
+    skin = Skin(part.means, normals, relief.detail, few.spread(open_), torch.arange(len(part)))
+    return Studied(laid, few, light, skin, ground, few.spread(sides), looked, sure, notes)
+
+
+def _ground(
+    part: Gaussians,
+    normals: Float[Tensor, "m 3"],
+    hollow: Float[Tensor, " m"],
+    up: Float[Tensor, "3"],
+    ball: tuple[Tensor, float],
+) -> Ground:
+    """Ground of patterns: the part around the middle of its ball, upright."""
+    turn = torch.from_numpy(turn_between(up.numpy(), np.array((0.0, 0.0, 1.0)))).to(part.means).T
+    center, radius = ball
+    return Ground((part.means - center) @ turn / max(radius, FAINT), normals @ turn, hollow)
 
 
 def _smoother(
@@ -429,7 +447,6 @@ def _eyes_within(part: Gaussians, cameras: Sequence[Camera]) -> Float[Tensor, "3
 def colors_of(
     studied: Studied,
     material: Material,
-    cameras: Sequence[Camera],
     degree: int,
     only: Int[Tensor, " s"],
 ) -> Float[Tensor, "s k 3"]:
@@ -441,19 +458,13 @@ def colors_of(
         sent = everywhere(material, surface, studied.skin, diffuse, studied.sides[:, 0])
         return ((displayed(sent) - 0.5) / SH_DC)[:, None]
     own = studied.sides[:, 0] * surface.color
-    eyes = torch.stack([c.center for c in cameras]).to(diffuse) if len(cameras) else None
-    directions, few = torch.from_numpy(even_directions(RAYS)).to(diffuse), studied.few
-    looked = diffuse.new_ones(len(few.rows), RAYS)
-    if eyes is not None:
-        eyes, points = eyes[evenly_spaced(len(eyes), CAMERAS)], studied.skin.points[few.rows]
-        parts = _parts(len(points))
-        looked = torch.cat([looked_from(points[rows], directions, eyes) for rows in parts])
+    directions = ray_directions().to(diffuse)
     found = [diffuse.new_zeros(0, (degree + 1) ** 2, 3)]
     for start in range(0, len(only), AT_ONCE):
         rows = only[start : start + AT_ONCE]
         skin, here = studied.skin[rows], surface[rows]
         seen = (skin.normals @ directions.T + BEHIND).clamp(0, 0.5)
-        weights = seen * looked[few.over[rows, 0]]
+        weights = seen * studied.looked[studied.few.over[rows, 0]]
         at, way = (weights > 0).nonzero().unbind(-1)
         sent = outgoing(
             studied.light, material, here[at], skin[at], diffuse[rows][at], own[rows][at],
@@ -474,14 +485,19 @@ def displayed(light: Float[Tensor, "*s 3"]) -> Float[Tensor, "*s 3"]:
     return torch.from_numpy(srgb_of_linear(shown.numpy())).to(light)
 
 
-def looked_from(
-    points: Float[Tensor, "k 3"], directions: Float[Tensor, "v 3"], eyes: Float[Tensor, "c 3"]
-) -> Float[Tensor, "k v"]:
-    """How many of the cameras at `eyes` are near each unit direction, 1 in the mean, and a little
-    more."""
-    to_cameras = torch.nn.functional.normalize(eyes - points[:, None], dim=-1)
-    near = torch.exp(SHARPNESS * (to_cameras @ directions.T - 1)).mean(1)
-    return near / near.mean(1, keepdim=True) + AROUND_WEIGHT
+def looked_from(points: Float[Tensor, "k 3"], cameras: Sequence[Camera]) -> Float[Tensor, "k d"]:
+    """How many of the cameras are near each of `ray_directions`, 1 in the mean, and a little more;
+    1 without cameras."""
+    directions = ray_directions().to(points)
+    if not len(cameras):
+        return points.new_ones(len(points), len(directions))
+    some = [cameras[i].center for i in evenly_spaced(len(cameras), CAMERAS)]
+    eyes, found = torch.stack(some).to(points), [points.new_zeros(0, len(directions))]
+    for rows in _parts(len(points)):
+        to_cameras = torch.nn.functional.normalize(eyes - points[rows, None], dim=-1)
+        near = torch.exp(SHARPNESS * (to_cameras @ directions.T - 1)).mean(1)
+        found.append(near / near.mean(1, keepdim=True) + AROUND_WEIGHT)
+    return torch.cat(found)
 
 
 def _parts(count: int) -> list[slice]:

@@ -230,14 +230,27 @@ class Skin:
     normals: Float[Tensor, "n 3"]
     detail: Float[Tensor, " n"]
     """Factor on the light for what is carved finer than the normals show."""
-    open: Float[Tensor, "n d"]
-    """Share of the light from each of `ray_directions` that comes past the subject itself."""
+    past: Float[Tensor, "k d"]
+    """Share of the light from each of `ray_directions` that comes past the subject itself, at some
+    of the points."""
+    at: Int[Tensor, " n"]
+    """Row of `past` of each."""
 
     def __getitem__(self, rows: slice | Tensor) -> Skin:
-        return Skin(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
+        points, normals, detail, at = (
+            each[rows] for each in (self.points, self.normals, self.detail, self.at)
+        )
+        return Skin(
+            points, normals, detail, self.past, at
+        )  # of pairs, the largest part is not taken
 
     def __len__(self) -> int:
         return len(self.points)
+
+    @property
+    def open(self) -> Float[Tensor, "n d"]:
+        """Share of the light from each direction that comes to each of them."""
+        return self.past[self.at]
 
     @property
     def cosines(self) -> Float[Tensor, "n d"]:
@@ -254,7 +267,7 @@ class Skin:
         """Share of the light from one direction each, between those that are known."""
         rays, weights = _rays_near()
         cell = cell_of(ways, ROWS)
-        return (self.open.gather(1, rays[cell]) * weights[cell]).sum(1, keepdim=True)
+        return (self.past[self.at[:, None], rays[cell]] * weights[cell]).sum(1, keepdim=True)
 
 
 @lru_cache(1)
