@@ -28,6 +28,7 @@ from gsedit.change.materials.table import material_of, paint_of
 from gsedit.change.objects.growth.grow import grow
 from gsedit.change.objects.growth.table import GROWTHS
 from gsedit.change.scenery.table import SCENERIES, in_scenery
+from gsedit.editing.curves import LOCAL, locally_toned
 from gsedit.editing.placements import Flags, paint_objects
 from gsedit.editing.plan import key_of
 from gsedit.errors import Said, UsageError
@@ -82,6 +83,8 @@ def seen_weights(
 def paint_tone(scene: Gaussians, run: Sequence[Change], flags: Flags, looking: Looking) -> Outcome:
     """Change brightness, contrast, saturation and their like: see `gsedit.editing.painters`."""
     (change,), inside = run, _inside(run[0], flags)
+    if change.name in LOCAL:
+        return _recolored(locally_toned(scene, inside, change.name, change.amount), inside)
     table = table_of(scene)
     after = toned(table, inside.cpu().numpy(), change.name, change.amount, change.color)
     return _recolored(replace(scene, sh=torch.from_numpy(after.sh).to(scene.sh)), inside)
