@@ -31,6 +31,7 @@ from gsedit.change.objects.growth.grow import grow
 from gsedit.change.objects.growth.table import GROWTHS
 from gsedit.change.objects.placing.placement import Placement, RelativePlace, Side
 from gsedit.change.scenery.table import SCENERIES, in_scenery
+from gsedit.editing.curves import LOCAL, locally_toned
 from gsedit.editing.plan import COPY, key_of
 from gsedit.errors import Said, UsageError
 from gsedit.formats.scenes import load
@@ -190,6 +191,8 @@ def seen_weights(scene: Gaussians, cameras: Sequence[Camera]) -> Float[Tensor, "
 def paint_tone(scene: Gaussians, run: Sequence[Change], flags: Flags, looking: Looking) -> Outcome:
     """Change brightness, contrast, saturation and their like: see `gsedit.editing.painters`."""
     (change,), inside = run, _inside(run[0], flags)
+    if change.name in LOCAL:
+        return _recolored(locally_toned(scene, inside, change.name, change.amount), inside)
     table = table_of(scene)
     after = toned(table, inside.cpu().numpy(), change.name, change.amount, change.color)
     return _recolored(replace(scene, sh=torch.from_numpy(after.sh).to(scene.sh)), inside)

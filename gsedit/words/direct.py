@@ -29,6 +29,8 @@ def routed(change: Change) -> Change:
     """
     if change.kind in ("tone", "paint", "material"):
         return replace(change, route=change.kind)
+    if change.kind in ("object", "growth"):
+        return replace(change, route="object")
     if change.kind == "light" and light_of(change.name) in LIGHTS:
         return replace(change, route="light")
     if change.kind == "look" and change.name in SCENERIES:

@@ -52,8 +52,8 @@ class Change:
     kind: Kind
     name: str
     """Name of the material, paint, light or look; for tone brightness, contrast, saturation,
-    warmth, hue, grayscale, sepia or negative; for an object remove, scale, turn, move, copy or
-    insert; for growth what grows, as snow."""
+    warmth, shadows, highlights, sharpness, hue, grayscale, sepia or negative; for an object remove,
+    scale, turn, move, copy or insert; for growth what grows, as snow."""
     color: str | None
     """Color as "#rrggbb"; None where the name alone says it. For hue the color to turn to."""
     amount: float | None
@@ -114,7 +114,9 @@ class Change:
 MORE = {
     "brightness": ("brighter", "darker"), "warmth": ("warmer", "cooler"),
     "contrast": ("more contrast", "less contrast"),
-    "saturation": ("more saturation", "less saturation"),
+    "saturation": ("more saturation", "less saturation"), "sharpness": ("sharper", "softer"),
+    "shadows": ("lighter shadows", "deeper shadows"),
+    "highlights": ("brighter highlights", "dimmer highlights"),
 }  # fmt: skip
 """Words for more and for less of a tone."""
 

@@ -1,7 +1,8 @@
 """Reader of a sentence: what is asked, of which things, and what stays. Loads no torch.
 
 Noun phrases become stand-ins (gsedit.words.nouns), frames are cut out (gsedit.words.frames), the
-rest is read plainly (gsedit.words.plain), and the whole is checked (gsedit.words.checks).
+rest is read plainly (gsedit.words.plain), and the whole is checked (gsedit.words.checks). What the
+rules refuse for words that they do not know is marked by a network (gsedit.words.marks).
 """
 
 from __future__ import annotations
@@ -16,12 +17,15 @@ from gsedit.words.checks import meets, stops, unread_in
 from gsedit.words.clauses import NEGATIONS
 from gsedit.words.frames import NOUN, Frames, framed
 from gsedit.words.instruction import MOST, Change, Instruction
+from gsedit.words.marks.checks import stays_unheard
+from gsedit.words.marks.heard import by_marks
 from gsedit.words.nouns import Nouns, called, chunked, tells
 from gsedit.words.phrases import IT, NUMBERED, with_base, without_base
 from gsedit.words.plain import plainly
 from gsedit.words.refusals import REASONS, Refused, first_refusal, unlike_all
 from gsedit.words.remarks import variants
 from gsedit.words.scan import scanned
+from gsedit.words.written import is_written, written
 
 WEAKER = 0.5
 """Share of its usual amount that a change with a limit gets: "but not too much"."""
@@ -51,11 +55,70 @@ def read_instruction(
     """Changes that a sentence asks for, or why it is refused. Never a change that it forbids.
 
     `saved` are names of saved selections, as `gsedit.select.saved.key_of_name` spells them: they
-    are things. With `accept_unread` words that nothing was made of do not stop the rest.
+    are things. With `accept_unread` words that nothing was made of do not stop the rest. JSON in
+    place of a sentence is taken as it is: see `gsedit.words.written`. A sentence whose words the
+    rules do not all know is read by the network, which loads torch. Raises UsageError for JSON that
+    is not changes.
     """
+    if is_written(sentence):
+        return written(sentence)
     if (bare := without_base(sentence)) != sentence:
         read = read_instruction(bare, saved, accept_unread=accept_unread)
         return with_base(read, sentence)
+    read = _by_rules(sentence, saved, accept_unread=accept_unread)
+    odd = first_refusal(sentence, scanned(sentence)) not in (None, "question")
+    long = read.known and _is_long(sentence)
+    loses = read.known and bool(stays_unheard(sentence, read.changes))
+    formed = (
+        read.refusal in ("geometry", "nonsense", "unread") and SHAPES.search(sentence) is not None
+    )
+    unheard = (read.refusal in UNHEARD and not formed and not odd) or (
+        read.refusal in CAREFUL and not DENIES.search(sentence)
+    )
+    if _calls(sentence, saved) or not (loses or long or (not read.known and unheard)):
+        return read
+    files = [match[0].strip("\"'") for match in FILE.finditer(sentence)]
+    heard = by_marks(sentence, FILE.sub(THING, sentence), files, accept_unread=accept_unread)
+    return heard if heard.known or (not read.known and heard.refusal in TOLD) else read
+
+
+PLAIN = 8
+"""Words of a request up to which the rules read it more rightly than the network, where they know
+its words: docs/measurements/instructions.md."""
+UNHEARD = frozenset(("nonsense", "unread", "geometry", "two", "kept", "question"))
+"""Refusals of the rules for words that they do not know."""
+CAREFUL = frozenset(("negation",))
+"""Refusals for words that they do know, where nothing denies."""
+SHAPES = re.compile(
+    r"\b(?:tall|taller|wider|longer|thinner|slimmer|stretch\w*|bend|bent|news|degrees|noise|grain|"
+    r"export|save|print|resolution)\b",
+    re.IGNORECASE,
+)
+"""Words of forms, angles and files, which the network takes for something else."""
+DENIES = re.compile(
+    r"\b(?:not?|never|without|neither|nor|less|least|fewer|thinner|lighter|half|halve|quarter|stop|"
+    r"end|off|out|over|undo|avoid|except|but|if|light|reduce|remove|kill|wipe|un-?\w+|want)\b|n't\b",
+    re.IGNORECASE,
+)
+"""Words that may deny, or take away what no route takes away."""
+TOLD = frozenset(("unknown", "insert", "unread"))
+"""Refusals of the network that say more than those of the rules."""
+THING = "a hat"
+"""Words that the network reads in place of a file."""
+
+
+def _is_long(sentence: str) -> bool:
+    """Whether a request, without courtesy and what stays, has many words."""
+    return len(framed(chunked(scanned(sentence), Nouns())).asked.split()) > PLAIN
+
+
+def _calls(sentence: str, saved: Collection[str]) -> bool:
+    """Whether a sentence has a saved name, or the number of an object."""
+    return NUMBERED.search(sentence) is not None or called(sentence, saved, Nouns()) != sentence
+
+
+def _by_rules(sentence: str, saved: Collection[str], *, accept_unread: bool) -> Instruction:
+    """The reading of a lexicon and rules: exact where they know every word."""
     nouns = Nouns()
     try:
         if kind := first_refusal(sentence, scanned(sentence)):

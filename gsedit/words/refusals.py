@@ -26,6 +26,10 @@ REASONS = {
         "table')",
         "any-sentence",
     ),
+    "insert": Said(
+        "what is put in is the file of a scene: name it, as in 'put hat.ply on the table'",
+        "any-sentence",
+    ),
     "removal": Said("words find nothing to take away here", "point"),
     "everything": "this leaves no scene: say what should stay, as in 'keep only the bear', or go, "
     "as in 'remove the bear'",
@@ -98,6 +102,20 @@ LIKENED = re.compile(
     r" (?:an? |the )?(?P<what>[a-z0-9' ]+?)(?: (?:style|painting|picture|drawing|print))?$"
 )
 """Manner in which a sentence ends: "in the style of Vermeer", "as a hologram"."""
+
+
+def reason(refused: Refused) -> str:
+    """Message to a person for a refusal, with the words that stopped it."""
+    kind, *words = refused.args
+    if kind == "style":
+        return no_style(words[0])
+    if kind == "unknown":
+        some = " or ".join(repr(each) for each in words[1:])
+        nearest = f"the nearest are {some}" if some else "give a color, as in '#c04000'"
+        return f"nothing here is called {words[0]!r}: {nearest}; gsedit list looks shows all"
+    return REASONS[kind]
+
+
 NEAREST = 3
 """Styles that are named where none resembles what is asked for."""
 

@@ -9,7 +9,8 @@ from gsedit.words.lexicon import things
 from gsedit.words.refusals import Refused
 from gsedit.words.scan import Word
 
-DEFAULT = {"brightness": 0.2, "contrast": 0.25, "saturation": 0.3, "warmth": 0.25, "hue": 1 / 12}
+DEFAULT = {"brightness": 0.2, "contrast": 0.25, "saturation": 0.3, "warmth": 0.25, "hue": 1 / 12,
+           "shadows": 0.3, "highlights": 0.3, "sharpness": 0.3}  # fmt: skip
 """Share of a tone that is asked for without a number; plain to see, and no color is clipped."""
 QUALITIES = ("state", "intense")
 RATHER = ("rather", "quite", "pretty", "fairly", "somewhat", "kinda")

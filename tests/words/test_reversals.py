@@ -72,7 +72,7 @@ def test_a_part_that_stays_is_left_out(frame):
 
 @pytest.mark.parametrize("known", ["warmer", "darker", "night", "gold", "red"])
 @pytest.mark.parametrize(
-    "other", ["sharper", "export it as mp4", "reduce the noise", "add a hat", "blur the edges"]
+    "other", ["export it as mp4", "reduce the noise", "add a hat", "print the stamp"]
 )
 def test_what_is_not_read_stops_the_rest_and_is_told(known, other):
     read = read_instruction(f"make it {known} and {other}")

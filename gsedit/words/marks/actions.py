@@ -1,0 +1,199 @@
+"""Actions on objects, with their numbers: what removes, scales, turns, moves, copies or puts in.
+
+Loads no torch.
+"""
+
+from __future__ import annotations
+
+import re
+
+from gsedit.words.instruction import Change, Place, Side
+from gsedit.words.marks.marked import Asked
+from gsedit.words.phrases import IT
+from gsedit.words.refusals import Refused
+from gsedit.words.scan import scanned
+
+STEP = {"": 1.0, "little": 0.5, "much": 2.0}
+"""Powers of `LARGER` for a size without a number."""
+LARGER = 1.3
+FAR = {"": None, "little": 0.25, "much": 1.0}
+"""Shares of its size that an object moves without a number."""
+SIZES = (0.1, 10.0)
+"""Factors that an object is scaled by."""
+MOST_COPIES = 20
+METRES = {
+    "mm": 0.001, "millimet": 0.001, "cm": 0.01, "centimet": 0.01, "in": 0.0254, "f": 0.3048,
+    "y": 0.9144, "m": 1.0,
+}  # fmt: skip
+"""Metres of a unit by the letters that it begins with."""
+UNIT = re.compile(
+    r"(?<![a-z])(mm|cm|m|millimet(?:er|re)s?|centimet(?:er|re)s?|met(?:er|re)s?|in|inch|inches|"
+    r"ft|foot|feet|yards?)\b"
+)
+NUMBER_WORDS = {
+    "half": 0.5, "halve": 0.5, "halved": 0.5, "quarter": 0.25, "third": 1 / 3, "twice": 2.0,
+    "double": 2.0, "doubled": 2.0, "triple": 3.0, "tripled": 3.0, "thrice": 3.0, "quadruple": 4.0,
+    "one": 1.0, "two": 2.0, "three": 3.0, "four": 4.0, "five": 5.0, "six": 6.0, "seven": 7.0,
+    "eight": 8.0, "nine": 9.0, "ten": 10.0, "twelve": 12.0, "fifteen": 15.0, "twenty": 20.0,
+    "thirty": 30.0, "forty": 40.0, "fifty": 50.0, "sixty": 60.0, "seventy": 70.0, "eighty": 80.0,
+    "ninety": 90.0, "hundred": 100.0, "couple": 2.0, "both": 2.0, "dozen": 12.0, "fifth": 0.2,
+    "tenth": 0.1, "eighth": 0.125, "quarters": 0.25, "thirds": 1 / 3,
+}  # fmt: skip
+"""Numbers by the words that say them."""
+TURNS: dict[str, float] = {"quarter": 90.0, "half": 180.0, "full": 360.0}
+"""Degrees of a part of a turn."""
+AROUND = re.compile(
+    r"\b(?:around|round|other way|opposite|away|back|backwards?|behind|us|me|camera|viewer|face|"
+    r"facing|about)\b",
+    re.IGNORECASE,
+)
+"""Words of a turn by half a circle."""
+WHERE: dict[str, Side] = {
+    "left": "left", "right": "right", "up": "up", "down": "down", "front": "forward",
+    "back": "back", "beside": "beside", "on": "on", "behind": "behind", "in front of": "front",
+    "left of": "left", "right of": "right",
+}  # fmt: skip
+SIDE_OF: dict[str, Side] = {"forward": "front", "back": "behind", "up": "on", "down": "on"}
+"""Side of something for a way to go."""
+LED = re.compile(
+    r"^(?:.*?\b(?:of|on|onto|upon|to|behind|beside|near|by|in|into|inside|against|at|under|over|"
+    r"below|above|alongside|from|towards?|before|around))\s+(.+)$",
+    re.IGNORECASE | re.DOTALL,
+)
+"""A place that ends with the phrase of what it is a side of."""
+SAME = re.compile(
+    r"^(?:it|the (?:first|other|original|existing|old|same)(?: one)?|its|itself|this one|that one)$"
+)
+
+
+def number_of(amount: str) -> float | None:
+    """The number in words of an amount: 0.5 for "half a", 1.5 for "one and a half"."""
+    words = [word for word in scanned(amount) if word.kind in ("number", "fraction", "factor")]
+    if not words:
+        return None
+    first = words[0].number
+    if len(words) > 1 and words[1].kind == "fraction":
+        return first + words[1].number if " and " in amount else first * words[1].number
+    if len(words) > 1 and first >= 20 and words[1].kind == "number" and words[1].number < 10:
+        return first + words[1].number
+    if len(words) > 1 and words[1].text == "hundred":
+        return first * 100
+    return first
+
+
+def action(asked: Asked, text: str, phrase: str) -> Change:
+    """The change of an object that is asked for, of what a phrase names. Raises Refused."""
+    make = {"scale": _scale, "turn": _turn, "move": _move, "copy": _copy}.get(asked.deed)
+    amount, place = make(asked, text, phrase) if make else (None, None)
+    return Change("subject", "object", asked.deed, None, amount, "object", phrase, place)
+
+
+def _scale(asked: Asked, text: str, phrase: str) -> tuple[float, None]:
+    factor = _factor(asked, text.lower())
+    if factor is None or factor == 1:
+        factor = LARGER ** ((asked.sign or 1) * STEP[asked.degree])
+    if not SIZES[0] <= factor <= SIZES[1]:
+        raise Refused("size")
+    return round(factor - 1, 4), None
+
+
+def _factor(asked: Asked, text: str) -> float | None:
+    """Factor of size by an amount: 1.2 for "20 % larger", 0.5 for "to half"; None for none."""
+    number, sign, said = number_of(asked.amount), asked.sign or 1, asked.amount
+    if number is None or number < 0:
+        return None
+    remains = said.startswith(("to ", "at ")) or asked.after.lower() in ("of", "as", "the", "its")
+    if ratio := re.search(r"(\d+) ?: ?([1-9]\d*)", said):
+        return float(ratio[1]) / float(ratio[2])
+    if "%" in said or "percent" in said or "per cent" in said:
+        share = number / 100
+        whole = remains or (share > 1 and not said.startswith("by"))
+        return share if whole else 1 + sign * share
+    if re.search(r"half(?: as \w+)? again", text):
+        return 1.5
+    if remains:
+        return number
+    if number < 1 and ("." in said or "/" in said) and not said.startswith("by "):
+        return number
+    if number < 1:
+        added = said.startswith("by") or asked.after.lower().endswith(("er", "again"))
+        added |= sign > 0 and not remains
+        return 1 + sign * number if added else number
+    return 1 / number if sign < 0 else number
+
+
+def _turn(asked: Asked, text: str, phrase: str) -> tuple[float, None]:
+    number, said = number_of(asked.amount), asked.amount
+    part = next((degrees for name, degrees in TURNS.items() if name in said), None)
+    if part is not None:
+        degrees = part * (3 if "three" in said else 1)
+    elif number is not None:
+        degrees = number
+    elif asked.degree == "little":
+        degrees = 15.0
+    else:
+        degrees = 180.0 if not asked.sign or AROUND.search(text) else 90.0
+    if not degrees % 360:
+        raise Refused("nonsense")
+    sign = -1 if asked.sign < 0 and degrees % 360 != 180 else 1
+    return round(sign * (degrees % 360) / 360, 6), None
+
+
+def _copy(asked: Asked, text: str, phrase: str) -> tuple[float | None, Place]:
+    number = number_of(asked.amount)
+    count = int(number) if number is not None and number >= 1 else 1
+    if count > MOST_COPIES:
+        raise Refused("copies")
+    side, of = place_of(asked)
+    side = SIDE_OF.get(side, side) if side else "beside"
+    return (float(count) if count > 1 else None), Place(side, of or phrase)
+
+
+def _move(asked: Asked, text: str, phrase: str) -> tuple[float | None, Place]:
+    side, of = place_of(asked)
+    if side is None:
+        raise Refused("direction")
+    if of:
+        return None, Place(side, of)
+    side = {"front": "forward", "behind": "back"}.get(side, side)
+    if side in ("on", "beside"):
+        side = "up" if side == "on" else "left"
+    far, units, metres = _distance(asked)
+    return far, Place(side, "", units, metres)  # type: ignore[arg-type]
+
+
+def _distance(asked: Asked) -> tuple[float | None, bool, bool]:
+    """(how far, whether in units of the scene, whether in metres)."""
+    number, said = number_of(asked.amount), asked.amount
+    if number is None:
+        return FAR[asked.degree], False, False
+    if unit := UNIT.search(said):
+        metres = next(value for name, value in METRES.items() if unit[1].startswith(name))
+        return number * metres, False, True
+    if "unit" in said or asked.after.lower().startswith("unit"):
+        return number, True, False
+    return (number / 100 if "%" in said else number), False, False
+
+
+def place_of(asked: Asked) -> tuple[Side | None, str]:
+    """(side or way, phrase of what it is a side of) of a place; "" for a way to go."""
+    from gsedit.words.marks.marked import phrase
+
+    side = WHERE.get(asked.way)
+    led = (
+        LED.match(asked.to)
+        if side in ("left", "right", "front", "behind", "on", "beside")
+        else None
+    )
+    own = led and asked.way in ("left", "right") and " of " not in f" {asked.to} "
+    if side is None or led is None or own:
+        return side, ""
+    of = phrase(led[1])
+    return side, IT if SAME.match(of) else of
+
+
+def inserted(file: str, asked: Asked) -> Change:
+    """The scene of a file put at a place; where the cameras look if none is said."""
+    side, of = place_of(asked)
+    place = Place(SIDE_OF.get(side, side), of or IT) if side else None
+    return Change("scene", "object", "insert", None, None, "object", file, place)

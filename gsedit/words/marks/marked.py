@@ -1,0 +1,184 @@
+"""Marks of the network in a sentence, as words: each change that is asked for, and what stays."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+
+from gsedit.words.marks.wordpiece import Pieces, pieces
+
+LONGEST = 24
+"""Words of a span at most."""
+LOOSE = ("it", "scene")
+"""Parts of which no word is said."""
+NEAREST = 3
+"""Names that are told where no word is known."""
+ARTICLES = re.compile(r"^(?:(?:on|of|in|to|for|at|just|only) )+(?=\w)|^(?:an?|only|just) ")
+"""Words that a phrase does not begin with."""
+OWNED = re.compile(r"^(?:the|my|our|your|his|her|its|their|this|that|these|those) ")
+PRONOUN = re.compile(
+    r"^(?:it|him|her|them|this|that|these|those|itself|"
+    r"(?:the )?(?:subject|main thing|main object))$"
+)
+"""Phrases of what the sentence is about."""
+
+
+@dataclass(frozen=True)
+class Asked:
+    """One change in the words of the sentence; "" for what is not said."""
+
+    deed: str
+    tone: str
+    part: str
+    of: str
+    """Phrase of what changes, in small letters, with an article."""
+    name: str
+    amount: str
+    """Number and unit, with the word before that tells what remains from what is added."""
+    after: str
+    """Word after the amount."""
+    to: str
+    sign: int
+    degree: str
+    side: str
+    way: str
+    value: str
+    """Name that the lexicon has for what is meant, whatever the words are."""
+    value_sure: float
+    """Probability of the value."""
+    near: tuple[str, ...]
+    """The likeliest names of the lexicon, the value first."""
+    sure: float
+    """Least probability of what was chosen: the deed, its tone, its part and its sign."""
+
+
+@dataclass(frozen=True)
+class Marked:
+    """A sentence with what is marked in it."""
+
+    text: str
+    asked: tuple[Asked, ...]
+    kept: tuple[str, ...]
+    """Phrases of what stays."""
+    refused: float
+    """Probability that nothing can be done."""
+    more: float
+    """Probability of a change after the last one, which is not told."""
+    kept_more: float
+    """Largest probability that a word begins what stays, of those that are not told to."""
+    spans: tuple[tuple[int, int], ...]
+    """First letter and end of all that is marked."""
+
+
+def phrase(text: str) -> str:
+    """A phrase as it names a thing: small letters, no marks, with an article."""
+    plain = re.sub(r"[^\w\s'#/-]", " ", text.lower().replace("\u2019", "'"))
+    plain = ARTICLES.sub("", re.sub(r"\s+", " ", plain).strip(" '-/"))
+    return plain if OWNED.match(plain) or PRONOUN.match(plain) else f"the {plain}"
+
+
+@lru_cache(256)
+def marked(text: str) -> Marked:
+    """All that the network marks in a text. Loads torch."""
+    import torch
+
+    from gsedit.words.marks import network
+
+    net, values = network.trained()
+    cut = pieces(text)
+    with torch.inference_mode():
+        ids = torch.tensor([cut.ids])
+        scores = net(ids, torch.ones_like(ids, dtype=torch.bool))
+    return told(cut, {name: each[0].float() for name, each in scores.items()}, values)
+
+
+def told(cut: Pieces, scores: Mapping, values: tuple[str, ...]) -> Marked:
+    """Marks by the scores of one sentence: see `gsedit.words.marks.network.Marker`."""
+    from gsedit.words.marks import network as net
+
+    chances = {name: each.softmax(-1) for name, each in scores.items()}
+    asked, spans, more = list[Asked](), list[tuple[int, int]](), 0.0
+    for at in range(net.CHANGES):
+        row = {name: chances[name][at] for name in (*classes_of(), "ends")}
+        deed = int(row["deed"].argmax())
+        if deed == len(net.DEEDS):
+            more = 1 - float(row["deed"][deed])
+            break
+        change, found = _asked(cut, row, values)
+        asked.append(change)
+        spans += found
+    kept, unsure = _kept(cut, chances["kept"])
+    spans += kept
+    phrases = tuple(phrase(cut.said(*each)) for each in kept)
+    letters = tuple((cut.words[a][0], cut.words[b][1]) for a, b in spans)
+    refused = float(chances["refused"][1])
+    return Marked(cut.text, tuple(asked), phrases, refused, more, unsure, letters)
+
+
+def classes_of() -> dict:
+    from gsedit.words.marks import network as net
+
+    return {
+        "deed": (*net.DEEDS, ""), "tone": net.TONES, "part": net.PARTS, "sign": net.SIGNS,
+        "degree": net.DEGREES, "side": net.SIDES, "way": net.WAYS, "value": (),
+    }  # fmt: skip
+
+
+def _asked(cut: Pieces, row: Mapping, values: tuple[str, ...]) -> tuple[Asked, list]:
+    """(a change, the words that it is marked in)."""
+    named = {**classes_of(), "value": values}
+    best = {name: row[name].max(-1) for name in named}
+    of = {name: classes[int(best[name].indices)] for name, classes in named.items()}
+    sure = {name: float(each.values) for name, each in best.items()}
+    near = tuple(values[at] for at in row["value"].topk(NEAREST).indices.tolist())
+    if of["part"] in LOOSE:  # nothing tells one from the other
+        sure["part"] = sum(float(row["part"][classes_of()["part"].index(each)]) for each in LOOSE)
+    signed = of["deed"] in ("tone", "scale")
+    least = min(
+        sure["deed"], sure["part"],
+        sure["tone"] if of["deed"] == "tone" else 1.0, sure["sign"] if signed else 1.0,
+    )  # fmt: skip
+    from gsedit.words.marks.network import SPANS
+
+    found = {name: _span(cut, *row["ends"][2 * k : 2 * k + 2]) for k, name in enumerate(SPANS)}
+    said = {name: cut.said(*each) if each else "" for name, each in found.items()}
+    before = after = ""
+    if around := found["amount"]:
+        words = [cut.text[a:b].lower() for a, b in cut.words]
+        before = "".join(words[around[0] - 1 : around[0]])
+        after = "".join(words[around[1] + 1 : around[1] + 2])
+    amount = f"{before} {said['amount']}" if before in ("to", "at", "by") else said["amount"]
+    change = Asked(
+        of["deed"], of["tone"], of["part"], phrase(said["of"]) if said["of"] else "",
+        said["name"], amount.lower(), after, said["to"], of["sign"], of["degree"], of["side"],
+        of["way"], of["value"], sure["value"], near, least,
+    )  # fmt: skip
+    return change, [each for each in found.values() if each]
+
+
+def _span(cut: Pieces, first, last) -> tuple[int, int] | None:
+    """Words from the likeliest first to the likeliest last piece; None where none is likelier."""
+    starts, ends = first[list(cut.first)], last[list(cut.last)]
+    both = (starts[:, None] * ends).triu().tril(LONGEST)
+    if not both.numel() or float(both.max()) < float(first[0] * last[0]):
+        return None
+    start, end = divmod(int(both.argmax()), len(cut.last))
+    return start, end
+
+
+def _kept(cut: Pieces, chances) -> tuple[list[tuple[int, int]], float]:
+    """(words of each phrase that stays, largest chance of one more)."""
+    rows = chances[list(cut.first)]
+    label = rows.argmax(-1).tolist()
+    found, at = list[tuple[int, int]](), 0
+    while at < len(label):
+        end = at
+        if label[at]:
+            while end + 1 < len(label) and label[end + 1] == 2:
+                end += 1
+            found.append((at, end))
+        at = end + 1
+    free = [float(row[1]) for row, each in zip(rows, label) if not each]
+    return found, max(free, default=0.0)

@@ -1,0 +1,224 @@
+"""Changes that are meant by what is marked in a sentence. Loads no torch."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+
+from gsedit.words.amounts import amount_of
+from gsedit.words.instruction import MOST, Change
+from gsedit.words.marks import values
+from gsedit.words.marks.actions import action, inserted
+from gsedit.words.marks.marked import PRONOUN, Asked, Marked
+from gsedit.words.phrases import IT
+from gsedit.words.refusals import Refused
+from gsedit.words.scan import scanned
+from gsedit.words.tones import DEFAULT, SLIGHT, STRONG, tone
+
+SCALES = {"": 1.0, "little": SLIGHT, "much": STRONG}
+"""Shares of a tone's usual amount."""
+BACKGROUND = re.compile(
+    r"^(?:the |whole |entire |my |all )*"
+    r"(?:background|backdrop|bg|surroundings?|environment|scenery|"
+    r"rest(?: of (?:it|them|the .*))?|everything else|all else|others?|"
+    r"everything around (?:it|the .*))$"
+)
+WHOLE = re.compile(
+    r"^(?:the |whole |entire |this |full )*(?:scene|picture|photo|photograph|image|everything|"
+    r"it all|shot|frame|view|render|all(?: of it)?|whole thing|capture|scan)$"
+)
+SOLID = ("material", "paint", "growth", "object")
+TURNED = re.compile(
+    r"\b(?:too|so|not|no|less|never|without|is|are|was|looks?|seems?|feels?|such|but|than|how|why|away|wait|"
+    r"mean|rather|instead|half|reduce|lower|decrease|down|low|enough)\b|n't\b|'s\b",
+    re.IGNORECASE,
+)
+"""Words beside which a quality may be what there is too much of."""
+MADE = ("the clone", "the new one", "the duplicate", "the second one", "the copied one")
+LIT = re.compile(r"\b(?:only|just|alone|solely)\b", re.IGNORECASE)
+"""Words that make of a light on a thing a light on that thing alone."""
+
+
+def changes_of(said: Marked, files: Sequence[str] = ()) -> list[Change]:
+    """Changes of what is marked in a sentence. Raises Refused for what nothing does."""
+    found, last, left = list[Change](), "", list(files)
+    for asked in said.asked:
+        if asked.deed == "insert" and left:
+            change = inserted(left.pop(0), asked)
+        else:
+            change = _placed(_change(asked, said.text), asked, said.text, last)
+        found.append(change)
+        if change.target == "subject" and change.phrase not in ("", IT):
+            last = change.phrase
+        if change.name in ("copy", "insert"):
+            last = "the copy" if change.name == "copy" else change.phrase
+    return _but([_checked(each) for each in found], said.kept)
+
+
+def _change(asked: Asked, text: str) -> Change:
+    """A change, of its usual part. Raises Refused."""
+    match asked.deed:
+        case "tone":
+            return _toned(asked, _sign(asked, text), text)
+        case "paint":
+            name = led(asked.name, text)
+            found = values.paint(name) or values.material(name)
+        case "material":
+            name = led(asked.name, text)
+            found = values.material(name) or values.paint(name)
+        case "cover":
+            found = values.cover(asked.name, asked.degree)
+        case "light" | "weather" | "look":
+            side = asked.side if asked.deed == "light" else ""
+            found = values.scenic(asked.deed, asked.name, side, asked.degree)
+        case "remove" | "scale" | "turn" | "move" | "copy":
+            return action(asked, text, IT)
+        case "insert":
+            raise Refused("insert")
+        case _:
+            raise Refused("geometry", asked.name)
+    if found is None:
+        found = values.meant(asked.value, asked.value_sure, asked.deed, asked.side, asked.degree)
+    if found is None:
+        raise Refused("style" if asked.deed == "look" else "unknown", asked.name, *asked.near)
+    return found
+
+
+def _sign(asked: Asked, text: str) -> int:
+    """Sign of a tone: that of the one word that says it, where nothing turns it around; else the
+    network's."""
+    told = {
+        word.value[-1] for word in scanned(text)
+        if word.kind in ("state", "turn") and word.value.split()[0] == asked.tone
+    }  # fmt: skip
+    if len(told) == 1 and not TURNED.search(text):
+        return 1 if told == {"+"} else -1
+    return asked.sign or 1
+
+
+def led(name: str, text: str) -> str:
+    """A name with the words for a finish or a shade that stand right before it in the text."""
+    before = text[: text.find(name)].split() if name and name in text else []
+    while before and (word := scanned(before[-1])) and len(word) == 1:
+        if word[0].kind != "finish" and not word[0].has("shade"):
+            break
+        name = f"{before.pop()} {name}"
+    return name
+
+
+def _toned(asked: Asked, sign: int, text: str) -> Change:
+    """A signed change of a tone. Raises Refused."""
+    given, name = amount_of(scanned(_amount(asked))), asked.tone
+    if name in ("grayscale", "sepia", "negative"):
+        share = given.share if given.factor is None else given.factor
+        return tone(name, abs(share) if share and abs(share) < 1 else None)
+    if name == "hue":
+        color = values.color_of(asked.name) or values.color_of(text if not asked.name else "")
+        if color is None and not given.turn:
+            raise Refused("unknown", asked.name)
+        return tone("hue", sign * abs(given.turn or DEFAULT["hue"] * SCALES[asked.degree]), color)
+    if name not in DEFAULT:
+        raise Refused("nonsense")
+    if given.factor is not None and given.factor != 1:
+        agrees = (given.factor > 1) == (sign > 0) or given.factor == 0
+        factor = given.factor if agrees else 1 / given.factor
+        return tone(name, round(factor - 1, 4))
+    if given.share is not None:
+        return tone(name, sign * abs(given.share))
+    return tone(name, sign * round(DEFAULT[name] * SCALES[asked.degree], 4))
+
+
+def _amount(asked: Asked) -> str:
+    """Words of an amount with those beside it that tell what remains from what is added."""
+    led = asked.amount.startswith(("to ", "at ", "by "))
+    after = asked.after if asked.after in ("of", "as") else ""
+    return f"{'' if led or not asked.amount else 'by '}{asked.amount} {after}".strip()
+
+
+def _placed(change: Change, asked: Asked, text: str, last: str) -> Change:
+    """A change with the part that it is of; `last` is the phrase that was named before."""
+    part, of = asked.part, asked.of
+    if part == "span":
+        part = "background" if BACKGROUND.match(of) else "scene" if WHOLE.match(of) else part
+        part = "it" if PRONOUN.match(of) or not of else part
+    solid, told = change.kind in SOLID, _told(of)
+    if change.kind == "light" and part in ("span", "it"):
+        alone = part == "span" and LIT.search(text)
+        return replace(change, target="subject", phrase=told) if alone else change
+    match part:
+        case "span":
+            found = replace(change, target="subject", phrase=told)
+        case "but" if BACKGROUND.match(of):
+            found = replace(change, target="subject", phrase="")
+        case "but":
+            found = replace(change, target="background", phrase="" if PRONOUN.match(of) else told)
+        case "background":
+            bare = IT if change.kind == "object" else ""
+            found = replace(change, target="background", phrase=bare)
+        case "scene":
+            found = replace(change, target="scene", phrase="")
+        case _ if last and change.kind != "look":
+            found = replace(change, target="subject", phrase=last)
+        case _:
+            bare = IT if change.kind == "object" else ""
+            found = replace(change, target="subject" if solid else "scene", phrase=bare)
+    place = found.place
+    if place and place.of == IT and found.name == "copy":
+        found = replace(found, place=replace(place, of=found.phrase))
+    return found
+
+
+def _told(of: str) -> str:
+    """A phrase as objects are called: "object 3", "the copy" for one that was just made."""
+    if of in MADE:
+        return "the copy"
+    numbered = re.fullmatch(r"(?:the )?object ?(\d+)", of)
+    return f"object {numbered[1]}" if numbered else of
+
+
+def _checked(change: Change) -> Change:
+    """A change whose amount is in range. Raises Refused."""
+    most = MOST.get(change.kind)
+    if most is not None and not -1 <= (change.amount or 0) <= most:
+        raise Refused("amount")
+    return change
+
+
+def _but(changes: list[Change], kept: Sequence[str]) -> list[Change]:
+    """Changes without what stays. Raises Refused where nothing is left, or all."""
+    named = [each for each in kept if not _loose(each)]
+    rest = any(BACKGROUND.match(each) or WHOLE.match(each) for each in kept)
+    pronoun = any(PRONOUN.match(each) for each in kept)
+    if not kept and any(c.name == "remove" and c.target == "scene" for c in changes):
+        raise Refused("everything")
+    return [_without(each, named, rest, pronoun, kept) for each in changes]
+
+
+def _loose(phrase: str) -> bool:
+    """Whether a phrase names no thing of its own."""
+    return any(each.match(phrase) for each in (BACKGROUND, WHOLE, PRONOUN))
+
+
+def _without(
+    change: Change, named: list[str], rest: bool, pronoun: bool, kept: Sequence[str]
+) -> Change:
+    """A change without what stays. Raises Refused."""
+    if change.name in ("copy", "insert") or not kept:
+        return change
+    phrase = change.phrase
+    if rest and change.target == "scene":
+        change = replace(change, target="subject")
+    if rest and change.target == "background" and not phrase:
+        raise Refused("kept", kept[0])
+    if pronoun and phrase in ("", IT):
+        if change.target == "subject" and change.kind in SOLID and not named:
+            raise Refused("kept", kept[0])
+        change = replace(change, target="background", phrase="")
+    if change.target == "background" and phrase:
+        return replace(change, keep=tuple(each for each in named if each != phrase))
+    if phrase in named:
+        raise Refused("kept", phrase)
+    if named and (change.target == "scene" or (change.target == "subject" and not phrase)):
+        return replace(change, target="background", phrase=named[0], keep=tuple(named[1:]))
+    return replace(change, keep=tuple(named))

@@ -1,0 +1,185 @@
+"""Materials, paints, covers, lights and looks by the words that name them. Loads no torch."""
+
+from __future__ import annotations
+
+from gsedit.words import colors, lexicon
+from gsedit.words.direct import LIKE, light_of, routed
+from gsedit.words.instruction import Change
+from gsedit.words.scan import Word, normalised, scanned
+
+GLOW = "glow"
+"""Material of any color."""
+UNSIDED = frozenset(lexicon.things("unsided"))
+"""Lights from no side."""
+GROWTH = frozenset(lexicon.things("growth"))
+"""Layers that lie on what faces the sky."""
+FROM = {
+    "left": "from the left", "right": "from the right", "behind": "from behind",
+    "front": "from the front", "above": "above",
+}  # fmt: skip
+"""Words of a light's name for the side that it comes from."""
+THICKER = {"little": -0.5, "much": 1.0}
+"""Shares that a layer is thinner or thicker than usual."""
+STRONGER = {"little": -0.4, "much": 0.5}
+"""Shares that a light is weaker or stronger than usual."""
+SEAL = 0.5
+"""Least probability of a name that the words do not say."""
+
+
+def material(name: str) -> Change | None:
+    """The material that words name, with its color, finish and trimming; None for none."""
+    words = [word for word in scanned(name) if word.kind != "mark"]
+    solid = [
+        at for at, word in enumerate(words)
+        if word.kind == "material" or word.value in lexicon.materials()
+    ]  # fmt: skip
+    if not solid:
+        return None
+    at = _head(words, solid)
+    word, own = words[at], list[str]()
+    color = word.color if word.text.endswith(f" {word.value}") else None
+    for each in reversed(words[:at]):
+        if not (each.kind in ("color", "finish", "material") or each.has("adj")):
+            break
+        own.insert(0, each.text)
+        color = color or (each.color if each.kind == "color" else None)
+    trim = _trim(words, at + 1)
+    full = " ".join([*own, word.text if color and not own else word.value])
+    full += f" with {trim}" if trim else ""
+    if word.value == GLOW and color is None:
+        color = next((each.color for each in words if each.color and each is not word), None)
+        full = GLOW
+    return routed(Change("subject", "material", full, color, None, ""))
+
+
+def _head(words: list[Word], solid: list[int]) -> int:
+    """The one of several materials that the others belong to: "rusty old iron" is iron, "stone
+    covered with moss" stone."""
+    first = solid[0]
+    for at in solid[1:]:
+        if all(w.has("adj") or w.kind in ("color", "finish", "material") for w in words[first:at]):
+            first = at
+    return first
+
+
+def _trim(words: list[Word], at: int) -> str:
+    """Trimming of a material: "green patina", "gray veins"; "" for none."""
+    covered = [w.text for w in words[at : at + 3]]
+    start = next((i for i, text in enumerate(covered) if text in ("with", "and", "in")), None)
+    if start is None or not set(covered[:start]) <= {"covered", "overgrown"}:
+        return ""
+    own = list[str]()
+    for word in words[at + start + 1 :]:
+        if word.has("trim") or word.kind == "material":
+            return " ".join([*own, word.text])
+        if word.kind in ("color", "finish") or word.has("adj"):
+            own.append(word.text)
+        elif word.kind not in ("fill", "slight"):
+            break
+    return ""
+
+
+def paint(name: str) -> Change | None:
+    """The color that words name, with its finish; None for none."""
+    words = scanned(name)
+    colored = [word for word in words if word.color]
+    if not colored and (found := _some_color(name)):
+        colored = [found]
+    if not colored:
+        return None
+    word = max(colored, key=lambda each: len(each.text))
+    finish = next((each.value for each in words if each.kind == "finish"), None)
+    said = f"{finish} {word.text}" if finish and finish not in word.text else word.text
+    return Change("subject", "paint", said, word.color, None, "paint")
+
+
+def _some_color(name: str) -> Word | None:
+    """The longest name of a color within words."""
+    tokens = normalised(name).split()
+    for start in range(len(tokens)):
+        if found := colors.longest(tokens[start:]):
+            text = " ".join(tokens[start : start + found[0]])
+            return Word(text, "color", text, color=found[1])
+    return None
+
+
+def color_of(name: str) -> str | None:
+    """The color of words as "#rrggbb", a pure one where hue turns to it; None for none."""
+    turned, pure = lexicon.things("hue"), lexicon.things("pure")
+    for each in normalised(name).split():
+        if found := pure.get(turned.get(each, each)):
+            return found
+    made = paint(name) if name else None
+    return made.color if made else None
+
+
+def cover(name: str, degree: str = "") -> Change | None:
+    """The layer that words name, or the material that it looks like; None for none."""
+    words = scanned(name)
+    grown = next((w for w in words if {w.text, w.value} & GROWTH), None)
+    if grown:
+        said = grown.text if grown.text in GROWTH else grown.value
+        amount = THICKER.get(degree)
+        if any(w.text in ("thick", "deep", "heavy", "dense") for w in words):
+            amount = amount or THICKER["much"]
+        return Change("subject", "growth", said, None, amount, "object")
+    return material(name)
+
+
+def light(name: str, side: str = "", degree: str = "") -> Change | None:
+    """The light or weather that words name; None for none."""
+    words = scanned(name)
+    lit = [word for word in words if word.kind == "light"]
+    word = next((w for w in lit if w.value not in ("cloudy",)), lit[0] if lit else None)
+    colored = next((w for w in words if w.color and w is not word), None)
+    if word is None and (
+        colored or side or {"light", "lights", "lit", "lamp"} & set(_texts(words))
+    ):
+        value = "lamp"
+    elif word is None:
+        return None
+    else:
+        value = word.value
+    told = [w.value for w in words if w.kind == "direction" and w.value.startswith("from")]
+    if value in UNSIDED:
+        told = []
+    elif side:
+        told = [FROM[side]]
+    full = " ".join([value, *dict.fromkeys(told[:1])])
+    color = colored.color if colored and value == "lamp" else None
+    return routed(Change("scene", "light", full, color, STRONGER.get(degree), ""))
+
+
+def look(name: str) -> Change | None:
+    """The season, weather, drawing or painting that words name; None for none."""
+    if "given picture" in normalised(name):
+        return routed(Change("scene", "look", LIKE, None, None, ""))
+    drawn = [word for word in scanned(name) if word.kind == "look"]
+    styled = [word for word in drawn if word.value in lexicon.styles()]
+    for word in (*styled, *drawn):
+        return routed(Change("scene", "look", word.value, None, None, ""))
+    return None
+
+
+def _texts(words: list[Word]) -> list[str]:
+    return [text for word in words for text in word.text.split()]
+
+
+def meant(value: str, sure: float, deed: str, side: str, degree: str) -> Change | None:
+    """The change of a name of the lexicon that words mean without saying it; None for none."""
+    if sure < SEAL:
+        return None
+    if deed in ("material", "cover"):
+        return cover(value, degree) if deed == "cover" else material(value)
+    found = light(value, side, degree) if light_of(value) == value.split(" from ")[0] else None
+    return found if found and found.route == "light" else look(value)
+
+
+def scenic(deed: str, name: str, side: str, degree: str) -> Change | None:
+    """The change of words that name a light, a weather or a look; None for none."""
+    first, second = (look, None) if deed == "look" else (None, look)
+    found = first(name) if first else light(name, side, degree)
+    if found is None or (found.route == "pix2pix"):
+        other = second(name) if second else light(name, side, degree)
+        found = other if other and other.route != "pix2pix" else found
+    return found
