@@ -17,8 +17,7 @@ from gsedit.words.checks import meets, stops, unread_in
 from gsedit.words.clauses import NEGATIONS
 from gsedit.words.frames import NOUN, Frames, framed
 from gsedit.words.instruction import MOST, Change, Instruction
-from gsedit.words.marks.checks import stays_unheard
-from gsedit.words.marks.heard import by_marks
+from gsedit.words.marks.heard import by_marks, stays_unheard
 from gsedit.words.nouns import Nouns, called, chunked, tells
 from gsedit.words.phrases import IT, NUMBERED, with_base, without_base
 from gsedit.words.plain import plainly

@@ -246,7 +246,7 @@ def test_ground_of_another_scene_is_left_out(labelled):
     ("inside", "placement"),
     [
         (False, Placement(scale=2)),
-        (True, Placement(scale=2)),
+        (True, Placement(to=(1.0, 0.0, 0.0))),
         (None, Placement(scale=0)),
         (None, Placement(scale=float("nan"))),
         (None, Placement(turn=float("inf"))),

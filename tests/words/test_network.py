@@ -12,8 +12,7 @@ from research.reading.train import targets
 from research.reading.varied import Varied
 
 from gsedit.words.marks import network
-from gsedit.words.marks.marked import marked, phrase
-from gsedit.words.marks.wordpiece import pieces, vocabulary
+from gsedit.words.marks.marked import marked, phrase, pieces, vocabulary
 
 OLDER = Path(__file__).parents[1] / "data" / "sentences" / "older.jsonl"
 

@@ -13,8 +13,8 @@ from typing import Any
 from gsedit.words.instruction import Change
 from gsedit.words.marks import values
 from gsedit.words.marks.actions import NUMBER_WORDS
+from gsedit.words.marks.marked import WORD
 from gsedit.words.marks.network import DEEDS, TONES
-from gsedit.words.marks.wordpiece import WORD
 
 Span = tuple[int, int]
 """First letter and end of words in a text."""
@@ -109,9 +109,7 @@ def found(text: str, part: str) -> Span | None:
     return place if best >= ALIKE else None
 
 
-ARTICLES = frozenset(
-    ("the", "a", "an", "my", "this", "that", "its", "his", "her", "their", "our", "your")
-)  # fmt: skip
+ARTICLES = frozenset(("the", "a", "an", "my", "this", "that", "its", "his", "her", "their"))
 
 
 def read(files: Iterable[Path]) -> list[Labelled]:

@@ -12,7 +12,6 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 from random import Random
-from time import monotonic
 
 import torch
 from safetensors.torch import load_file, save_file
@@ -21,8 +20,7 @@ from torch.nn.functional import cross_entropy
 
 from gsedit.words import lexicon
 from gsedit.words.marks import network as net
-from gsedit.words.marks.marked import classes_of
-from gsedit.words.marks.wordpiece import pieces
+from gsedit.words.marks.marked import classes_of, pieces
 from research.reading.labelled import Labelled, read
 from research.reading.varied import Varied
 
@@ -138,7 +136,6 @@ def trained(
     plan = torch.optim.lr_scheduler.OneCycleLR(
         adam, rates, total_steps=epochs * passes * POOL + 1, pct_start=0.1
     )
-    start = monotonic()
     for epoch in range(epochs):
         total = 0.0
         for _ in range(passes):
@@ -154,7 +151,7 @@ def trained(
                 adam.step()
                 plan.step()
                 total += loss.item() / (passes * POOL)
-        sys.stdout.write(f"{epoch} loss {total:.3f} {monotonic() - start:.0f} s\n")
+        sys.stdout.write(f"{epoch} loss {total:.3f}\n")
         sys.stdout.flush()
     return network.eval(), values
 

@@ -1,15 +1,84 @@
-"""Reading of a sentence by what the network marks in it. Loads torch when it reads."""
+"""Reading of a sentence by what the network marks in it, with checks apart from the network.
+
+Words of what stays that nothing was made of, a request that is denied, and marks that are not sure
+stop it. Loads torch when it reads.
+"""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 from gsedit.errors import Said
-from gsedit.words.instruction import Instruction
-from gsedit.words.marks.checks import denied, stays_unheard, unsure
-from gsedit.words.marks.marked import marked
+from gsedit.words.instruction import Change, Instruction
+from gsedit.words.marks.marked import Marked, marked
 from gsedit.words.marks.meaning import changes_of
 from gsedit.words.refusals import Refused, reason
+
+STAYS = re.compile(
+    r"\b(?:keep|keeping|kept|leave|leaving|preserve|spare|sparing|protect|except|excluding|exclude|"
+    r"excepting|untouched|unchanged|unaffected|stays?|staying|remains?|remaining|without touching|"
+    r"other than|apart from|save for|as (?:it|they) (?:is|are)|as is|hands off|"
+    r"(?:do not|don'?t|never|not) (?:touch|change|alter|affect|paint|color|colour)|"
+    r"(?:but|and|just|only) not (?:on |in |its |the |his |her )|everything but|all but|all save)\b",
+    re.IGNORECASE,
+)
+"""Words of what stays."""
+IDLE = re.compile(
+    r"\b(?:leaves|keep it|keeping it|leave it|keep (?:going|on)|stay(?:s|ing)? (?:in|at|with)|"
+    r"leave (?:only|just|nothing)|(?:keep|leave) (?:only|just)|keep (?:the |its |their )?(?:same |"
+    r"original |current )?(?:colou?rs?|shape|size|lighting|light|details?|texture|pose))\b",
+    re.IGNORECASE,
+)
+"""Words beside which they say no such thing."""
+LED = r"^\W*(?:(?:please|ok|so|well|hey|and|but|no)\W+)*"
+DENIED = re.compile(
+    rf"{LED}(?:do not|don'?t|never|you must not|under no circumstances|avoid|stop,? do not|"
+    r"(?:i|we) (?:do not|don'?t) want (?:you to|it to|an?\b))\b"
+    r"(?!\s+(?:like|love|forget|hesitate|mind|want it so|make it so|be so)\b)"
+    r"(?![^,;.:!]*\b(?:so|too|as \w+ as)\b)|\?\W*(?:no|nope|never)\W*$|\bnot\W*$",
+    re.IGNORECASE,
+)
+"""A sentence that begins or ends with a denial."""
+TOLD_OF = re.compile(
+    rf"{LED}(?:nobody|no one|there is no need|anything but|avoid this|who \w+ to|don'?t the|"
+    r"(?:he|she|they) (?:said|says|told))\b",
+    re.IGNORECASE,
+)
+"""A sentence that only tells of a request."""
+INSTEAD = re.compile(
+    r"\b(?:but|just|instead|rather|only)\b|[,;.:!?]\s*(?:and )?(?:make|paint|turn|it should|the)\b",
+    re.IGNORECASE,
+)
+"""Words after which what is asked follows what is denied."""
+UNSURE = 0.7
+"""Least probability of what is marked that is taken."""
+MORE = 0.1
+"""Largest probability of a change, or of what stays, that is not told."""
+
+
+def stays_unheard(text: str, changes: Sequence[Change]) -> str:
+    """The words of what stays of which nothing was made; "" for none."""
+    if any(c.target == "background" or c.keep for c in changes):
+        return ""
+    if any(change.kind == "object" and change.name == "remove" for change in changes):
+        return ""
+    found = STAYS.search(IDLE.sub(" ", text))
+    return found[0] if found else ""
+
+
+def denied(said: Marked) -> bool:
+    """Whether a sentence only says what must not be."""
+    if TOLD_OF.search(said.text):
+        return True
+    return DENIED.search(said.text) is not None and not (said.kept or INSTEAD.search(said.text))
+
+
+def unsure(said: Marked) -> bool:
+    """Whether what is marked, or that nothing more is, is not sure."""
+    least = min((each.sure for each in said.asked), default=0.0)
+    return least < UNSURE or said.more > MORE or said.kept_more > MORE
+
 
 REFUSED = 0.5
 """Least probability that nothing can be done."""
