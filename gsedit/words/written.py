@@ -74,7 +74,7 @@ def _names(kind: str) -> tuple[str, ...]:
     return NAMES.get(kind, ())
 
 
-def _one_of(row: dict[str, Any], field: str, known: tuple[str, ...], place: str) -> str:
+def _one_of(row: dict[str, Any], field: str, known: tuple[str, ...], place: str) -> Any:
     value = row.get(field)
     if not isinstance(value, str) or not value or (known and value not in known):
         told = ", ".join(known) or "a name of gsedit list looks"
