@@ -16,7 +16,7 @@ from gsedit.words.actions import FILE
 from gsedit.words.checks import meets, stops, unread_in
 from gsedit.words.clauses import NEGATIONS
 from gsedit.words.frames import NOUN, Frames, framed
-from gsedit.words.instruction import MOST, Change, Instruction
+from gsedit.words.instruction import MOST, Change, Instruction, sentence_of
 from gsedit.words.marks.heard import by_marks, stays_unheard
 from gsedit.words.nouns import Nouns, called, chunked, tells
 from gsedit.words.phrases import IT, NUMBERED, with_base, without_base
@@ -66,7 +66,8 @@ def read_instruction(
         return with_base(read, sentence)
     read = _by_rules(sentence, saved, accept_unread=accept_unread)
     odd = first_refusal(sentence, scanned(sentence)) not in (None, "question")
-    long = read.known and _is_long(sentence)
+    own = sentence in (sentence_of(read.changes), "; ".join(map(str, read.changes)))
+    long = read.known and not own and _is_long(sentence)
     loses = read.known and bool(stays_unheard(sentence, read.changes))
     formed = (
         read.refusal in ("geometry", "nonsense", "unread") and SHAPES.search(sentence) is not None
@@ -78,7 +79,9 @@ def read_instruction(
         return read
     files = [match[0].strip("\"'") for match in FILE.finditer(sentence)]
     heard = by_marks(sentence, FILE.sub(THING, sentence), files, accept_unread=accept_unread)
-    return heard if heard.known or (not read.known and heard.refusal in TOLD) else read
+    if heard.known and len(heard.changes) >= len(read.changes):
+        return heard
+    return heard if not read.known and heard.refusal in TOLD else read
 
 
 PLAIN = 8

@@ -119,7 +119,7 @@ REFUSED = """
 
 2 | edit scene.ply '' -o out | empty
 2 | edit scene.ply remove the bear | quotes
-2 | edit scene.ply 'give it a hat' -o out | make or reshape
+2 | edit scene.ply 'give it a hat' -o out | the file of a scene
 2 | edit scene.ply 'not red' -o out | must not be
 2 | edit scene.ply 'blorp the zizzle' --editor closed-form -o out | zizzle
 2 | EDIT -o taken | -f
@@ -163,7 +163,7 @@ REFUSED = """
 2 | list styles scene.ply -o taken.png | exists
 3 | list styles none.ply -o a.png | none.ply
 
-2 | make photos 'give it a hat' -o out | make or reshape
+2 | make photos 'give it a hat' -o out | the file of a scene
 3 | make none 'as gold' -o out | none
 2 | make photos 'as gold' -o taken | taken
 2 | make photos 'as gold' -o photos -f | photos
