@@ -67,7 +67,8 @@ def read_instruction(
     read = _by_rules(sentence, saved, accept_unread=accept_unread)
     odd = first_refusal(sentence, scanned(sentence)) not in (None, "question")
     own = sentence in (sentence_of(read.changes), "; ".join(map(str, read.changes)))
-    long = read.known and not own and _is_long(sentence)
+    acts = all(change.kind == "object" for change in read.changes)  # these the rules know best
+    long = read.known and not own and not acts and _is_long(sentence)
     loses = read.known and bool(stays_unheard(sentence, read.changes))
     formed = (
         read.refusal in ("geometry", "nonsense", "unread") and SHAPES.search(sentence) is not None
@@ -79,9 +80,7 @@ def read_instruction(
         return read
     files = [match[0].strip("\"'") for match in FILE.finditer(sentence)]
     heard = by_marks(sentence, FILE.sub(THING, sentence), files, accept_unread=accept_unread)
-    if heard.known and len(heard.changes) >= len(read.changes):
-        return heard
-    return heard if not read.known and heard.refusal in TOLD else read
+    return heard if heard.known or (not read.known and heard.refusal in TOLD) else read
 
 
 PLAIN = 8
