@@ -16,7 +16,6 @@ Parse = Callable[[list[Word]], list[Change]]
 THINGS = frozenset(("background", "scene"))
 """Kinds of words that name something else than the last phrase does."""
 BREAKS = MARKS | {"and", "then", "but", "while"}
-PLACED = re.compile(rf"\b(?:on|over|in|at|across|around|near|behind|above) the ({STAND_IN})")
 
 
 def parted(text: str) -> list[tuple[str, str]]:

@@ -303,7 +303,6 @@ def _turn(clause: Clause, scope: list[Word], by: Word) -> int:
 
 # ---- the part of the scene that a clause speaks of, and clauses about what no route does ---------
 
-OWNERS = frozenset(("its", "his", "her", "their"))
 PARTS: dict[str, Target] = {
     "subject": "subject", "background": "background", "ground": "background",
 }  # fmt: skip

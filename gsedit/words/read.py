@@ -51,7 +51,7 @@ REFERS = re.compile(r"\b(?:it|its|them|their|him|his|her|there)\b")
 def read_instruction(
     sentence: str, saved: Collection[str] = (), *, accept_unread: bool = False
 ) -> Instruction:
-    """Changes that a sentence asks for, or why it is refused. Never a change that it forbids.
+    """Changes that a sentence asks for, or why it is refused; checks keep back what it forbids.
 
     `saved` are names of saved selections, as `gsedit.select.saved.key_of_name` spells them: they
     are things. With `accept_unread` words that nothing was made of do not stop the rest. JSON in
@@ -65,18 +65,7 @@ def read_instruction(
         read = read_instruction(bare, saved, accept_unread=accept_unread)
         return with_base(read, sentence)
     read = _by_rules(sentence, saved, accept_unread=accept_unread)
-    odd = first_refusal(sentence, scanned(sentence)) not in (None, "question")
-    own = sentence in (sentence_of(read.changes), "; ".join(map(str, read.changes)))
-    acts = all(change.kind == "object" for change in read.changes)  # these the rules know best
-    long = read.known and not own and not acts and _is_long(sentence)
-    loses = read.known and bool(stays_unheard(sentence, read.changes))
-    formed = (
-        read.refusal in ("geometry", "nonsense", "unread") and SHAPES.search(sentence) is not None
-    )
-    unheard = (read.refusal in UNHEARD and not formed and not odd) or (
-        read.refusal in CAREFUL and not DENIES.search(sentence)
-    )
-    if _calls(sentence, saved) or not (loses or long or (not read.known and unheard)):
+    if _calls(sentence, saved) or not (_doubtful if read.known else _unheard)(sentence, read):
         return read
     files = [match[0].strip("\"'") for match in FILE.finditer(sentence)]
     heard = by_marks(sentence, FILE.sub(THING, sentence), files, accept_unread=accept_unread)
@@ -88,8 +77,6 @@ PLAIN = 8
 its words: docs/measurements/instructions.md."""
 UNHEARD = frozenset(("nonsense", "unread", "geometry", "two", "kept", "question"))
 """Refusals of the rules for words that they do not know."""
-CAREFUL = frozenset(("negation",))
-"""Refusals for words that they do know, where nothing denies."""
 SHAPES = re.compile(
     r"\b(?:tall|taller|wider|longer|thinner|slimmer|stretch\w*|bend|bent|news|degrees|noise|grain|"
     r"export|save|print|resolution)\b",
@@ -108,9 +95,23 @@ THING = "a hat"
 """Words that the network reads in place of a file."""
 
 
-def _is_long(sentence: str) -> bool:
-    """Whether a request, without courtesy and what stays, has many words."""
-    return len(framed(chunked(scanned(sentence), Nouns())).asked.split()) > PLAIN
+def _doubtful(sentence: str, read: Instruction) -> bool:
+    """Whether the network may know better than the rules: in a long request that the program did
+    not write itself, or where what stays was lost. Actions on objects the rules know best."""
+    own = sentence in (sentence_of(read.changes), "; ".join(map(str, read.changes)))
+    acts = all(change.kind == "object" for change in read.changes)
+    asked = framed(chunked(scanned(sentence), Nouns())).asked
+    long = not own and not acts and len(asked.split()) > PLAIN
+    return long or bool(stays_unheard(sentence, read.changes))
+
+
+def _unheard(sentence: str, read: Instruction) -> bool:
+    """Whether the rules refuse a sentence for words that the network may know."""
+    if read.refusal == "negation":
+        return not DENIES.search(sentence)
+    odd = first_refusal(sentence, scanned(sentence)) not in (None, "question")
+    formed = read.refusal in ("geometry", "nonsense", "unread") and SHAPES.search(sentence)
+    return read.refusal in UNHEARD and not formed and not odd
 
 
 def _calls(sentence: str, saved: Collection[str]) -> bool:

@@ -37,9 +37,6 @@ from rasterizer.harmonics import basis
 from rasterizer.numerics import SH_DC
 from rasterizer.scene import Gaussians
 
-FAINT = 1e-3
-"""Opacity below which a cell has no color."""
-
 
 @dataclass(frozen=True, eq=False)
 class Sheet:
