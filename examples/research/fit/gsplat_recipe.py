@@ -135,7 +135,7 @@ class _Run:
         photometric(picture, photo, settings.dssim_weight, compiled=compiled).backward()
         gradient = scene.means.grad
         optimizer.step({"means": settings.final_rate ** (now / settings.steps)})
-        if now < settings.refine_stop:
+        if gradient is not None and now < settings.refine_stop:
             self.counted.add(gradient, scene, view.camera)
             self._refine(now)
         self.last = now

@@ -38,7 +38,7 @@ from gsedit.paper.unedited import render_with_depth
 from gsedit.paper.view_plan import random_plan
 from gsedit.views.dataset import View
 from gsedit.views.image_ops import pad_camera, pad_to_multiple
-from rasterizer.numerics import AUTO, SH_DC
+from rasterizer.numerics import SH_DC
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
 from research.painting.cases import BATCHES, EACH, Case, Pictures, disagreement, energy
@@ -340,7 +340,7 @@ class Descent:
 def correspondences(case: Case, views: Sequence[int]) -> Correspondences:
     """Cells of the painter's bottleneck that show the same place, by the unedited scene's depth."""
     cell = Painter.cell
-    shown = [render_with_depth(case.scene, case.cameras[i], AUTO) for i in views]
+    shown = [render_with_depth(case.scene, case.cameras[i]) for i in views]
     depths = [each.median_depth for each in shown if each.median_depth is not None]
     return correspond(
         [pad_camera(case.cameras[i], cell) for i in views],
