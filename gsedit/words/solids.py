@@ -116,8 +116,8 @@ def _leads(words: list[Word], at: int) -> bool:
     return any(word.kind in ("light", "look", "material") or word.value == "light" for word in near)
 
 
-def _material(words: list[Word], at: int) -> tuple[Change, int]:
-    """A material with the words beside it that belong to it, and where they end."""
+def qualified(words: list[Word], at: int) -> tuple[list[str], str | None]:
+    """(words before a material that belong to it, the color among them or in its name)."""
     word, own = words[at], list[str]()
     color = word.color if word.text.endswith(f" {word.value}") else None
     for each in reversed(words[:at]):
@@ -125,6 +125,12 @@ def _material(words: list[Word], at: int) -> tuple[Change, int]:
             break
         own.insert(0, each.text)
         color = color or (each.color if each.kind == "color" else None)
+    return own, color
+
+
+def _material(words: list[Word], at: int) -> tuple[Change, int]:
+    """A material with the words beside it that belong to it, and where they end."""
+    word, (own, color) = words[at], qualified(words, at)
     if any(each.kind == "down" for each in words[: at - len(own)][-1:]) and own:
         raise Refused("negation")  # "less dark wood"
     name = word.text if color else word.value

@@ -49,7 +49,7 @@ def _change(row: Any, place: str) -> Change:
                          f"a change has {sorted(FIELDS)}")  # fmt: skip
     target = _one_of(row, "target", get_args(Target), place)
     kind = _one_of(row, "kind", get_args(Kind), place)
-    name = _one_of(row, "name", _names(kind), place)
+    name = _one_of(row, "name", NAMES.get(kind, ()), place)
     color, amount = row.get("color"), row.get("amount")
     if color is not None and (not isinstance(color, str) or hexadecimal(color) != color):
         raise UsageError(f"{place}.color is {color!r}: write it as '#c04000'")
@@ -67,11 +67,6 @@ def _change(row: Any, place: str) -> Change:
         Change(target, kind, name, color, amount, "", phrase, _place(row.get("place"), place),
                tuple(keep))  # type: ignore[arg-type]
     )  # fmt: skip
-
-
-def _names(kind: str) -> tuple[str, ...]:
-    """Names of a kind; empty where any name may be."""
-    return NAMES.get(kind, ())
 
 
 def _one_of(row: dict[str, Any], field: str, known: tuple[str, ...], place: str) -> Any:

@@ -11,8 +11,8 @@ from research.reading.labelled import labelled, read
 from research.reading.train import targets
 from research.reading.varied import Varied
 
-from gsedit.words.marks import network
-from gsedit.words.marks.marked import marked, phrase, pieces, vocabulary
+from gsedit.words.marks import heard, network
+from gsedit.words.marks.marked import phrase, pieces, vocabulary
 
 OLDER = Path(__file__).parents[1] / "data" / "sentences" / "older.jsonl"
 
@@ -37,7 +37,7 @@ def test_weights_in_eight_bits_are_within_half_a_step():
 
 
 def test_words_beside_a_sentence_do_not_change_where_its_marks_are():
-    said = marked("paint the vase red, keep the table")
+    said = heard.marked("paint the vase red, keep the table")
     assert [(each.of, each.name) for each in said.asked] == [("the vase", "red")]
     assert said.kept == ("the table",)
     assert all(said.text[a:b] for a, b in said.spans)

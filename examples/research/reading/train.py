@@ -20,7 +20,7 @@ from torch.nn.functional import cross_entropy
 
 from gsedit.words import lexicon
 from gsedit.words.marks import network as net
-from gsedit.words.marks.marked import classes_of, pieces
+from gsedit.words.marks.marked import CLASSES, pieces
 from research.reading.labelled import Labelled, read
 from research.reading.varied import Varied
 
@@ -70,7 +70,7 @@ def targets(batch: Sequence[Labelled], values: Sequence[str]) -> tuple[Tensor, d
     cuts = [pieces(each.text) for each in batch]
     longest = max(len(each.ids) for each in cuts)
     ids = torch.zeros(len(batch), longest, dtype=torch.long)
-    classes = {**classes_of(), "value": tuple(values)}
+    classes = {**CLASSES, "value": tuple(values)}
     told = {name: torch.full((len(batch), net.CHANGES), LEFT) for name in classes}
     told["ends"] = torch.full((len(batch), net.CHANGES, 2 * len(net.SPANS)), LEFT)
     told["kept"] = torch.full((len(batch), longest), LEFT)
@@ -104,7 +104,7 @@ def targets(batch: Sequence[Labelled], values: Sequence[str]) -> tuple[Tensor, d
 def loss_of(scores: dict[str, Tensor], told: dict[str, Tensor]) -> Tensor:
     """Sum of the losses of all that is marked."""
     total = REFUSED * cross_entropy(scores["refused"].float(), told["refused"])
-    for name in classes_of():
+    for name in CLASSES:
         if (told[name] != LEFT).any():
             part = cross_entropy(scores[name].float().flatten(0, 1), told[name].flatten())
             total = total + WEIGHT.get(name, 1.0) * part

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from functools import lru_cache
 
 from gsedit.errors import Said
 from gsedit.words.instruction import Change, Instruction
-from gsedit.words.marks.marked import Marked, marked
+from gsedit.words.marks.marked import Marked, pieces, told
 from gsedit.words.marks.meaning import changes_of
 from gsedit.words.refusals import Refused, reason
 
@@ -57,6 +58,21 @@ MORE = 0.1
 """Largest probability of a change, or of what stays, that is not told."""
 
 
+@lru_cache(256)
+def marked(text: str) -> Marked:
+    """All that the network marks in a text. Loads torch."""
+    import torch
+
+    from gsedit.words.marks import network
+
+    net, values = network.trained()
+    cut = pieces(text)
+    with torch.inference_mode():
+        ids = torch.tensor([cut.ids])
+        scores = net(ids, torch.ones_like(ids, dtype=torch.bool))
+    return told(cut, {name: each[0].float() for name, each in scores.items()}, values)
+
+
 def stays_unheard(text: str, changes: Sequence[Change]) -> str:
     """The words of what stays of which nothing was made; "" for none."""
     if any(c.target == "background" or c.keep for c in changes):
@@ -98,8 +114,8 @@ def by_marks(sentence: str, text: str, files: Sequence[str], *, accept_unread: b
             raise Refused("kept", stopped)
     except Refused as refused:
         return Instruction(sentence, False, reason(refused), (), refused.args[0])
-    told = "; ".join(map(str, changes))
+    text = "; ".join(map(str, changes))
     if unsure(said) and not accept_unread:
-        why = Said(f"read: {told}; this is not sure. Run it so?", "unread")
+        why = Said(f"read: {text}; this is not sure. Run it so?", "unread")
         return Instruction(sentence, False, why, (), "unread", (sentence,))
-    return Instruction(sentence, True, told, changes)
+    return Instruction(sentence, True, text, changes)

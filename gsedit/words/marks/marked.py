@@ -81,6 +81,33 @@ def _cut(word: str) -> tuple[int, ...]:
     return tuple(found) or (numbers[UNKNOWN],)
 
 
+DEEDS = (
+    "tone", "paint", "material", "cover", "light", "weather", "look", "remove", "scale", "turn",
+    "move", "copy", "insert", "shape", "other",
+)  # fmt: skip
+"""Kinds of changes; one class more is no change."""
+TONES = (
+    "", "brightness", "contrast", "saturation", "warmth", "hue", "sharpness", "highlights",
+    "shadows", "grayscale", "sepia", "negative",
+)  # fmt: skip
+PARTS = ("span", "scene", "background", "it", "but")
+"""Parts that change: words of the sentence, all, what is around the subject, a pronoun, all but
+words."""
+SIDES = ("", "left", "right", "behind", "front", "above")
+"""Sides that light comes from."""
+WAYS = (
+    "", "left", "right", "up", "down", "front", "back", "beside", "on", "behind", "in front of",
+    "left of", "right of",
+)  # fmt: skip
+"""Ways that an object goes, and sides of something."""
+DEGREES = ("", "little", "much")
+SIGNS = (0, 1, -1)
+SPANS = ("of", "name", "amount", "to")
+"""Words that are found for each change."""
+KEPT = ("", "first", "later")
+"""Whether a word begins or goes on with what stays."""
+CHANGES = 4
+"""Changes of a sentence at most."""
 LONGEST = 24
 """Words of a span at most."""
 LOOSE = ("it", "scene")
@@ -95,6 +122,13 @@ PRONOUN = re.compile(
     r"(?:the )?(?:subject|main thing|main object))$"
 )
 """Phrases of what the sentence is about."""
+
+
+CLASSES = {
+    "deed": (*DEEDS, ""), "tone": TONES, "part": PARTS, "sign": SIGNS, "degree": DEGREES,
+    "side": SIDES, "way": WAYS, "value": (),
+}  # fmt: skip
+"""Classes of each kind that the network tells; the weights have the list of values."""
 
 
 @dataclass(frozen=True)
@@ -151,31 +185,14 @@ def phrase(text: str) -> str:
     return plain if OWNED.match(plain) or PRONOUN.match(plain) else f"the {plain}"
 
 
-@lru_cache(256)
-def marked(text: str) -> Marked:
-    """All that the network marks in a text. Loads torch."""
-    import torch
-
-    from gsedit.words.marks import network
-
-    net, values = network.trained()
-    cut = pieces(text)
-    with torch.inference_mode():
-        ids = torch.tensor([cut.ids])
-        scores = net(ids, torch.ones_like(ids, dtype=torch.bool))
-    return told(cut, {name: each[0].float() for name, each in scores.items()}, values)
-
-
 def told(cut: Pieces, scores: Mapping, values: tuple[str, ...]) -> Marked:
     """Marks by the scores of one sentence: see `gsedit.words.marks.network.Marker`."""
-    from gsedit.words.marks import network as net
-
     chances = {name: each.softmax(-1) for name, each in scores.items()}
     asked, spans, more = list[Asked](), list[tuple[int, int]](), 0.0
-    for at in range(net.CHANGES):
-        row = {name: chances[name][at] for name in (*classes_of(), "ends")}
+    for at in range(CHANGES):
+        row = {name: chances[name][at] for name in (*CLASSES, "ends")}
         deed = int(row["deed"].argmax())
-        if deed == len(net.DEEDS):
+        if deed == len(DEEDS):
             more = 1 - float(row["deed"][deed])
             break
         change, found = _asked(cut, row, values)
@@ -189,31 +206,20 @@ def told(cut: Pieces, scores: Mapping, values: tuple[str, ...]) -> Marked:
     return Marked(cut.text, tuple(asked), phrases, refused, more, unsure, letters)
 
 
-def classes_of() -> dict:
-    from gsedit.words.marks import network as net
-
-    return {
-        "deed": (*net.DEEDS, ""), "tone": net.TONES, "part": net.PARTS, "sign": net.SIGNS,
-        "degree": net.DEGREES, "side": net.SIDES, "way": net.WAYS, "value": (),
-    }  # fmt: skip
-
-
 def _asked(cut: Pieces, row: Mapping, values: tuple[str, ...]) -> tuple[Asked, list]:
     """(a change, the words that it is marked in)."""
-    named = {**classes_of(), "value": values}
+    named = {**CLASSES, "value": values}
     best = {name: row[name].max(-1) for name in named}
     of = {name: classes[int(best[name].indices)] for name, classes in named.items()}
     sure = {name: float(each.values) for name, each in best.items()}
     near = tuple(values[at] for at in row["value"].topk(NEAREST).indices.tolist())
     if of["part"] in LOOSE:  # nothing tells one from the other
-        sure["part"] = sum(float(row["part"][classes_of()["part"].index(each)]) for each in LOOSE)
+        sure["part"] = sum(float(row["part"][CLASSES["part"].index(each)]) for each in LOOSE)
     signed = of["deed"] in ("tone", "scale")
     least = min(
         sure["deed"], sure["part"],
         sure["tone"] if of["deed"] == "tone" else 1.0, sure["sign"] if signed else 1.0,
     )  # fmt: skip
-    from gsedit.words.marks.network import SPANS
-
     found = {name: _span(cut, *row["ends"][2 * k : 2 * k + 2]) for k, name in enumerate(SPANS)}
     said = {name: cut.said(*each) if each else "" for name, each in found.items()}
     before = after = ""

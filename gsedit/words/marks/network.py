@@ -16,35 +16,21 @@ from safetensors import safe_open
 from torch import Tensor, nn
 from torch.nn.functional import gelu, scaled_dot_product_attention
 
+from gsedit.words.marks.marked import (
+    CHANGES,
+    DEEDS,
+    DEGREES,
+    KEPT,
+    PARTS,
+    SIDES,
+    SIGNS,
+    SPANS,
+    TONES,
+    WAYS,
+)  # fmt: skip
+
 WEIGHTS = Path(__file__).with_name("reader.safetensors")
 """Weights in 8 bits with a scale for each row."""
-DEEDS = (
-    "tone", "paint", "material", "cover", "light", "weather", "look", "remove", "scale", "turn",
-    "move", "copy", "insert", "shape", "other",
-)  # fmt: skip
-"""Kinds of changes; one class more is no change."""
-TONES = (
-    "", "brightness", "contrast", "saturation", "warmth", "hue", "sharpness", "highlights",
-    "shadows", "grayscale", "sepia", "negative",
-)  # fmt: skip
-PARTS = ("span", "scene", "background", "it", "but")
-"""Parts that change: words of the sentence, all, what is around the subject, a pronoun, all but
-words."""
-SIDES = ("", "left", "right", "behind", "front", "above")
-"""Sides that light comes from."""
-WAYS = (
-    "", "left", "right", "up", "down", "front", "back", "beside", "on", "behind", "in front of",
-    "left of", "right of",
-)  # fmt: skip
-"""Ways that an object goes, and sides of something."""
-DEGREES = ("", "little", "much")
-SIGNS = (0, 1, -1)
-SPANS = ("of", "name", "amount", "to")
-"""Words that are found for each change."""
-KEPT = ("", "first", "later")
-"""Whether a word begins or goes on with what stays."""
-CHANGES = 4
-"""Changes of a sentence at most."""
 WIDTH, INNER, HEADS, LAYERS, PIECES, PLACES = 384, 1536, 12, 6, 30522, 512
 
 

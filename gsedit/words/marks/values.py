@@ -6,11 +6,8 @@ from gsedit.words import colors, lexicon
 from gsedit.words.direct import LIKE, light_of, routed
 from gsedit.words.instruction import Change
 from gsedit.words.scan import Word, normalised, scanned
+from gsedit.words.solids import GLOW, UNSIDED, qualified
 
-GLOW = "glow"
-"""Material of any color."""
-UNSIDED = frozenset(lexicon.things("unsided"))
-"""Lights from no side."""
 GROWTH = frozenset(lexicon.things("growth"))
 """Layers that lie on what faces the sky."""
 FROM = {
@@ -36,13 +33,7 @@ def material(name: str) -> Change | None:
     if not solid:
         return None
     at = _head(words, solid)
-    word, own = words[at], list[str]()
-    color = word.color if word.text.endswith(f" {word.value}") else None
-    for each in reversed(words[:at]):
-        if not (each.kind in ("color", "finish", "material") or each.has("adj")):
-            break
-        own.insert(0, each.text)
-        color = color or (each.color if each.kind == "color" else None)
+    word, (own, color) = words[at], qualified(words, at)
     trim = _trim(words, at + 1)
     full = " ".join([*own, word.text if color and not own else word.value])
     full += f" with {trim}" if trim else ""
@@ -156,9 +147,8 @@ def look(name: str) -> Change | None:
         return routed(Change("scene", "look", LIKE, None, None, ""))
     drawn = [word for word in scanned(name) if word.kind == "look"]
     styled = [word for word in drawn if word.value in lexicon.styles()]
-    for word in (*styled, *drawn):
-        return routed(Change("scene", "look", word.value, None, None, ""))
-    return None
+    word = next(iter((*styled, *drawn)), None)
+    return word and routed(Change("scene", "look", word.value, None, None, ""))
 
 
 def _texts(words: list[Word]) -> list[str]:
@@ -177,9 +167,8 @@ def meant(value: str, sure: float, deed: str, side: str, degree: str) -> Change 
 
 def scenic(deed: str, name: str, side: str, degree: str) -> Change | None:
     """The change of words that name a light, a weather or a look; None for none."""
-    first, second = (look, None) if deed == "look" else (None, look)
-    found = first(name) if first else light(name, side, degree)
-    if found is None or (found.route == "pix2pix"):
-        other = second(name) if second else light(name, side, degree)
-        found = other if other and other.route != "pix2pix" else found
-    return found
+    found, other = look(name), light(name, side, degree)
+    if deed != "look":
+        found, other = other, found
+    done = (each for each in (found, other) if each and each.route != "pix2pix")
+    return next(done, found)
