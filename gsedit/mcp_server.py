@@ -16,7 +16,7 @@ import anyio
 from gsedit.app.places import Places
 from gsedit.errors import GseditError, UsageError
 from gsedit.run.environment import load_extra
-from gsedit.words.actions import FILE
+from gsedit.words.called import FILE
 
 Tool = Callable[..., Awaitable[Any]]
 WHOLE = ("auto", "all")

@@ -90,6 +90,7 @@ def color_of(name: str) -> str | None:
 def head(phrase: str) -> str:
     """Head noun of a phrase, in the singular."""
     phrase = re.sub(r"[’']s\b", " 's", phrase.lower())
+    phrase = re.sub(r"^(?:the|my|our|your|his|her|that|this|those|these|a) ", "", phrase)
     phrase = re.split(
         r" (?:on|in|at|behind|under|by|next|with|near|of|from|above|below|around|over|beside|"
         r"that|to|standing|between|facing|off|along|where|outside|inside|across|against|"
@@ -118,8 +119,11 @@ PLACE = re.compile(
 
 
 def on_target(made: Change, of: str, do: str = "") -> bool:
-    """Whether a change is of what was meant: light, and weather, fall on all that is there."""
-    everywhere = made.target == "scene" and not made.phrase
+    """Whether a change is of what was meant: light, and weather, fall on all that is there, or on
+    all but what stays."""
+    everywhere = (made.target == "scene" and not made.phrase) or (
+        made.target == "background" and bool(made.phrase) and do in ("light", "weather")
+    )
     if do in ("light", "weather") and everywhere and "but" not in of and "except" not in of:
         return True
     if PLACE.search(of.lower()) and everywhere:

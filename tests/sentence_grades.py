@@ -13,7 +13,7 @@ from typing import Any
 from gsedit.words.colors import distance, lab_of
 from gsedit.words.instruction import Change
 from gsedit.words.lexicon import style_words
-from gsedit.words.nouns import DEFINITE
+from gsedit.words.phrases import DEFINITE
 from gsedit.words.read import read_instruction
 from gsedit.words.scan import scanned
 

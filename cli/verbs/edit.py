@@ -63,7 +63,9 @@ class EditOptions(Reads, Resumes):
     preview: bool = option(False)
     """Edit nothing: draw one view, before and after, into -o FILE.png (preview.png)."""
     accept_unread: bool = option(False)
-    """Do what was read of the sentence, though words of it were not read."""
+    """Do what was read of the sentence, though the reading is not sure."""
+    reader: str | None = option(None, "URL")
+    """Let the language model of this server read the sentence (llama.cpp, ollama, ...)."""
     preset: str = option("default", "default|quick|paper")
     """Values of the options that are not given. quick: half of the evaluations of a 2D model.
     paper: Efficient-NeRF2NeRF as printed; gsedit list presets shows all that each sets."""
@@ -146,6 +148,10 @@ def edit(
     values = pointing.in_place_of_region(values)
     out = preview_file(own) if own.preview else own.out
     check_request(instruction, views, own, out)
+    if own.reader:
+        from gsedit.words.model import changes_by_model
+
+        instruction = changes_by_model(instruction, own.reader)
     request = scene, instruction, out or Path(), own, views, editor, values, common
     asked = EditCommand(*request, masks=masks)
     if own.preview:

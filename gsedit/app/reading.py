@@ -14,7 +14,7 @@ from gsedit.editing.plan import is_exact, steps_of
 from gsedit.errors import UsageError
 from gsedit.paper.editors.registry import make_editor
 from gsedit.paper.protocol import Editor
-from gsedit.words.actions import FILE
+from gsedit.words.called import FILE
 from gsedit.words.instruction import MORE, Change, Instruction, sentence_of
 from gsedit.words.read import read_instruction
 

@@ -87,12 +87,18 @@ def paint_objects(
         return objects.remove(scene, inside, cameras)
     if any(each.place is not None and each.place.metres for each in run):
         raise UsageError(REASONS["distance"])
-    if change.name == COPY and (change.amount or 1) > 1:
-        raise UsageError(REASONS["copies"])
     placement = Placement()
     for each in run:
         placement = _placed(placement, each, flags, key_of(change))
-    return objects.place(scene, inside, placement, cameras)
+    made = objects.place(scene, inside, placement, cameras)
+    if change.name != COPY or not placement.to:
+        return made
+    again = replace(placement, to=RelativePlace(placement.to.side, None))
+    size = len(made.scene) - len(scene)
+    for _ in range(1, int(change.amount or 1)):  # each copy beside the one before
+        last = torch.arange(len(made.scene)) >= len(made.scene) - size
+        made = made.then(objects.place(made.scene, last, again, cameras))
+    return made
 
 
 def _check(change: Change, inside: Bool[Tensor, " n"], *, whole: bool) -> None:

@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 TABLE = Path(__file__).with_name("lexicon.txt")
 THINGS = TABLE.with_name("things.txt")
-SLOTS = TABLE.with_name("slots.txt")
 ALIASES = TABLE.with_name("aliases.txt")
 STYLES = TABLE.with_name("styles.txt")
 LONGEST = 5

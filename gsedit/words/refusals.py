@@ -8,7 +8,7 @@ from difflib import SequenceMatcher
 
 from gsedit.errors import Said
 from gsedit.words.lexicon import near_styles, sets, style_words, styles
-from gsedit.words.scan import Word, normalised
+from gsedit.words.scan import normalised, scanned
 
 
 class Refused(Exception):
@@ -38,8 +38,7 @@ REASONS = {
     "size": "objects are scaled by 0.1 to 10 times: say less, as in 'make it twice as big'",
     "distance": "a scene does not know how long a meter is: say a share of the object's size or "
     "units of the scene's file, as in 'move it left by half its height' or 'by 0.3 units'",
-    "copies": "one copy is made at a time: say where, as in 'put another one on its left', and "
-    "edit the result again for more",
+    "copies": "up to 20 copies are made at a time: say fewer, as in 'put three more on its left'",
     "part": Said("nothing finds this part of the scene", "select-part"),
     "negation": "this names what must not be, or takes away what no route takes away: say what it "
     "should be instead, as in 'paint it blue'",
@@ -67,22 +66,13 @@ ODD = (
     (rf"^(?:please )?(?:remove|delete|erase|clear|get rid of) (?:absolutely )?(?:everything|all|it "
      rf"all|all of it|all (?:of )?the (?:things|objects)|the (?:whole |entire )?scene){_POLITE}",
      "everything"),
-    (r"\bunless\b|\b(?:would|might) be too\b|\bbut not (?:on|near|around)\b", "negation"),
-    (r"\b(?:layer|coat|blanket) of .*\b(?:but|except)\b", "negation"),
-    (r"\b(?:dust|shake|wipe|blow|knock|sweep)(?: \w+)? off\b|\bwipe the slate\b", "negation"),
-    (r"\b(?:make|paint|turn|color|dye) the sky blue(?= and\b| then\b|[,;.!]|$)", "part"),
-    (r"\bcolors (?:but|except|other than|apart from)\b|\breplace the color\b", "part"),
-    (r"\bgrow (?:some )?(?:grass|flowers|hair|fur|trees|plants|mushrooms|ivy|vines)\b", "geometry"),
-    (r"(?<!the )(?<!these )(?<!those )\b(?:puddles|icicles)\b", "geometry"),
-    (r"\b(?:second|third|another|two|three) (?:sun|moon)s?\b", "geometry"),
-    (r"\b(?:put|place|set|move) [a-z ]+ on the (?:moon|sun)\b", "geometry"),
 )  # fmt: skip
-"""Turns of phrase whose words would be read for something else, and the kind of refusal of each."""
+"""Turns of phrase that take all back or away, and the kind of refusal of each."""
 
 
-def first_refusal(sentence: str, words: list[Word]) -> str | None:
+def first_refusal(sentence: str) -> str | None:
     """Kind of refusal of a sentence by its letters and first words; None for one to be read."""
-    letters = [each for each in sentence if each.isalpha()]
+    words, letters = scanned(sentence), [each for each in sentence if each.isalpha()]
     if not letters and not any(word.kind == "number" or word.color for word in words):
         return "empty"
     if sum("LATIN" not in unicodedata.name(each, "") for each in letters) > len(letters) / 3:
@@ -92,16 +82,7 @@ def first_refusal(sentence: str, words: list[Word]) -> str | None:
     if foreign >= 2 and foreign >= len(plain) / 2:
         return "language"
     text = normalised(sentence)
-    if odd := next((kind for pattern, kind in ODD if re.search(pattern, text)), None):
-        return odd
-    return "question" if words and words[0].kind == "ask" else None
-
-
-LIKENED = re.compile(
-    r"(?:\b(?:style|manner) of|\bpainted by|^like|\bpaint\b.* like|\b(?:as|like|into) an?)"
-    r" (?:an? |the )?(?P<what>[a-z0-9' ]+?)(?: (?:style|painting|picture|drawing|print))?$"
-)
-"""Manner in which a sentence ends: "in the style of Vermeer", "as a hologram"."""
+    return next((kind for pattern, kind in ODD if re.search(pattern, text)), None)
 
 
 def reason(refused: Refused) -> str:
@@ -118,13 +99,6 @@ def reason(refused: Refused) -> str:
 
 NEAREST = 3
 """Styles that are named where none resembles what is asked for."""
-
-
-def unlike_all(sentence: str) -> Said | None:
-    """The refusal of a sentence that ends in a manner which no word of the lexicon is; None for
-    any other sentence."""
-    told = LIKENED.search(re.sub(r"[.! ]+$| (?:please|pls|plz)\b", "", normalised(sentence)))
-    return no_style(told["what"]) if told else None
 
 
 def no_style(what: str) -> Said:

@@ -74,8 +74,6 @@ TOKEN = re.compile(
     r"|\b(?=[0-9a-f]*\d)(?=\d*[a-f])[0-9a-f]{6}\b|[+-]?\d+/\d+|[+-]?\d+(?:\.\d+)?|[+-]?\.\d+"
     r"|%|'s\b|<\d+>|[a-z]+|[&/]|[,;.!?:\n]"
 )
-STAND_IN = r"zq[a-z][a-z]x"
-"""Words that stand in for noun phrases (gsedit.words.nouns)."""
 HEX = re.compile(r"(?=\w*[a-f])(?=\w*\d)[0-9a-f]{6}$")
 MARKS = frozenset(",;.!?:\n")
 
@@ -165,8 +163,6 @@ def _next(words: list[str]) -> tuple[Word, int]:
     first = words[0]
     if first in MARKS or first == "'s":
         return Word(first, "poss" if first == "'s" else "mark", first), 1
-    if re.fullmatch(STAND_IN, first):
-        return Word(first, "subject", first), 1
     if (value := _number(first)) is not None:
         return Word(first, "number", first, number=value), 1
     if color := colors.hexadecimal(first):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from gsedit.errors import UsageError
 from gsedit.words import lexicon
-from gsedit.words.clauses import NEGATIONS
 from gsedit.words.read import read_instruction
 from gsedit.words.refusals import no_style
 from gsedit.words.scan import scanned
@@ -19,7 +18,7 @@ def styles_asked(sentence: str) -> tuple[str, ...]:
     """
     read = read_instruction(sentence)
     told = [each.rpartition(" in the style of ")[2] for each in sentence.split("; ")]
-    denied = any(word.kind in NEGATIONS for word in scanned(sentence))
+    denied = any(word.kind in ("not", "drop") for word in scanned(sentence))
     if not read.known and not denied and lexicon.styles().keys() >= set(told):
         return tuple(told)  # of a part whose name only the scene knows
     if not read.known:

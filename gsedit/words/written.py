@@ -59,6 +59,7 @@ def _change(row: Any, place: str) -> Change:
         raise UsageError(f"{place}.amount is {amount!r}: write a number from -1 to {most:g}")
     if kind == "paint" and color is None:
         raise UsageError(f"{place} is a paint without a color: write 'color' as '#c04000'")
+    amount = None if amount is None else float(amount)
     keep = row.get("keep") or ()
     if not isinstance(keep, (list, tuple)) or not all(isinstance(each, str) for each in keep):
         raise UsageError(f"{place}.keep is no list of phrases")

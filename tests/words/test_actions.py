@@ -9,7 +9,7 @@ import pytest
 
 from gsedit.formats.registry import READABLE
 from gsedit.words.instruction import Change, Place
-from gsedit.words.phrases import is_noun, object_phrase
+from gsedit.words.phrases import is_noun
 from gsedit.words.read import read_instruction
 
 ASKED = json.loads(
@@ -164,19 +164,6 @@ def test_a_file_of_every_format_that_is_read_can_be_put_in(suffix):
     name = f"Things/Vase{suffix}" if suffix.startswith(".") else f"Things/Vase/{suffix}"
     (change,) = changes(f"put {name} on the table")
     assert (change.name, change.phrase, change.place) == ("insert", name, Place("on", "the table"))
-
-
-@pytest.mark.parametrize(
-    ("phrase", "named"),
-    [
-        ("it", "it"), ("the red one", "the red one"), ("bear", "bear"),
-        ("the chair on the left", "the chair on the left"), ("the largest", "the largest"),
-        ("the red", None), ("the snow", None), ("the contrast", None), ("the ears", None),
-        ("a hat", None), ("the shadow", None), ("the top of the table", None), ("fire", None),
-    ],
-)  # fmt: skip
-def test_a_phrase_names_an_object_or_none(phrase, named):
-    assert object_phrase(phrase) == named
 
 
 def test_a_noun_alone_is_what_only_a_network_finds():

@@ -262,16 +262,6 @@ def test_a_record_is_one_line_of_json():
     assert "\n" not in line
 
 
-def test_plain_words_are_read_without_the_encoder():
-    import subprocess
-
-    code = (
-        "import sys; from gsedit.words.read import read_instruction; "
-        "read_instruction('paint it red'); sys.exit('torch' in sys.modules)"
-    )
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
-
-
 @pytest.mark.parametrize(
     "sentence",
     [

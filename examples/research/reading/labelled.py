@@ -30,9 +30,17 @@ WAYS = (
 )  # fmt: skip
 """Ways and sides by what a label says of a place."""
 BUT = re.compile(
-    r"(?:everything|all|scene|the rest)(?: else)? (?:but|except|except for|apart from|other than)"
-    r" (.+)"
+    r"(?:everything|everywhere|all|scene|the whole scene|anything|the rest|all things?)"
+    r"(?: else| what is| that is| that's| there is| in the \w+)? ?"
+    r"(?:but|except|exept|excluding|apart from|other than|besides?|save|bar|barring|minus|round|"
+    r"around|outside|that isn't|that is not|which is not|not being|without)(?: for| of)? (.+)"
 )
+STOPS = re.compile(
+    r"(?<![\w.])((?:(?:[-+]?\d+(?:[.,/]\d+)?|an?|one|two|three|half|third|quarter|full|whole|and|of)"
+    r" )*(?:[-+]?\d+(?:[.,/]\d+)? ?)?(?:full |whole )?(?:stops?|ev)\b)",
+    re.IGNORECASE,
+)
+"""Words of an amount in stops of light."""
 UNITS = frozenset(
     ("%", "percent", "per", "cent", "stop", "stops", "degrees", "degree", "deg", "\u00b0", "times",
      "x", "fold", "m", "cm", "mm", "metres", "meters", "metre", "meter", "inches", "inch", "feet",
@@ -155,7 +163,8 @@ def _slot(text: str, change: dict[str, Any]) -> Slot:
     if part:
         classes["part"] = part
     amount = change.get("amount")
-    place = None if amount is None else _amount(text, float(amount))
+    stops = STOPS.search(text) if deed == "tone" and amount is not None else None
+    place = stops.span(1) if stops else None if amount is None else _amount(text, float(amount))
     if amount is None or place:
         spans["amount"] = place
     return Slot(classes, spans)

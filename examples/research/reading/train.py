@@ -114,10 +114,10 @@ def loss_of(scores: dict[str, Tensor], told: dict[str, Tensor]) -> Tensor:
     return total + ENDS * ends + KEPT * kept
 
 
-def trained(
-    sentences: Sequence[Labelled], base: Path, epochs: int, seed: int, share: float = 1.0
-) -> tuple[net.Marker, list[str]]:
-    """(network, names of values) after passes over varied sentences; prints losses."""
+def train(
+    sentences: Sequence[Labelled], base: Path, out: Path, epochs: int, seed: int, share: float = 1.0
+) -> None:
+    """Train by passes over varied sentences; prints the loss and writes the weights after each."""
     torch.manual_seed(seed)
     values = sorted(
         {v for kind in lexicon.looks().values() for v in kind} | lexicon.things("growth").keys()
@@ -153,7 +153,8 @@ def trained(
                 total += loss.item() / (passes * POOL)
         sys.stdout.write(f"{epoch} loss {total:.3f}\n")
         sys.stdout.flush()
-    return network.eval(), values
+        state = {k: v.contiguous() for k, v in net.packed(network.state_dict()).items()}
+        save_file(state, out, {"values": "|".join(values)})
 
 
 def main() -> None:
@@ -166,9 +167,7 @@ def main() -> None:
     parser.add_argument("--share", type=float, default=1.0, help="of the learning rates")
     parser.add_argument("--seed", type=int, default=0)
     told = parser.parse_args()
-    network, values = trained(read(told.files), told.base, told.epochs, told.seed, told.share)
-    state = {k: v.contiguous() for k, v in net.packed(network.state_dict()).items()}
-    save_file(state, told.out, {"values": "|".join(values)})
+    train(read(told.files), told.base, told.out, told.epochs, told.seed, told.share)
 
 
 if __name__ == "__main__":

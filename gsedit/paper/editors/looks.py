@@ -18,7 +18,7 @@ from torch import Tensor
 from gsedit.change.light.relight import step
 from gsedit.errors import UsageError
 from gsedit.scene.color_space import srgb_of_hex
-from gsedit.words.read import denies, read_instruction
+from gsedit.words.read import read_instruction
 
 VARIANTS = 3
 Image = Float[Tensor, "*v h w 3"]
@@ -212,9 +212,9 @@ def parse(prompt: str) -> Recipe:
     if read.refusal == "negation":
         raise UsageError(f"{prompt.strip()!r}: {read.why}")
     understood = " ".join(change.name for change in read.changes)
-    if read.known and denies(prompt):
-        text = understood
-    names = _named(text) or ["stone"] * bool(STATUE.search(text)) or _named(understood)
+    names = _named(understood)
+    if not read.known:
+        names = names or _named(text) or ["stone"] * bool(STATUE.search(text))
     if not names:
         raise UsageError(
             f"the closed-form editor does not know {prompt.strip()!r}; it knows "

@@ -61,6 +61,8 @@ LED = re.compile(
     re.IGNORECASE | re.DOTALL,
 )
 """A place that ends with the phrase of what it is a side of."""
+SIDE_OF_IT = re.compile(r".*\b(?:left|right|front|back|rear|top|side) of (.+)$", re.IGNORECASE)
+"""A place that says on which side of something it is."""
 SAME = re.compile(
     r"^(?:it|the (?:first|other|original|existing|old|same)(?: one)?|its|itself|this one|that one)$"
 )
@@ -179,11 +181,8 @@ def place_of(asked: Asked) -> tuple[Side | None, str]:
     from gsedit.words.marks.marked import phrase
 
     side = WHERE.get(asked.way)
-    led = (
-        LED.match(asked.to)
-        if side in ("left", "right", "front", "behind", "on", "beside")
-        else None
-    )
+    near = side in ("left", "right", "front", "behind", "on", "beside")
+    led = (SIDE_OF_IT.match(asked.to) or LED.match(asked.to)) if near else None
     own = led and asked.way in ("left", "right") and " of " not in f" {asked.to} "
     if side is None or led is None or own:
         return side, ""

@@ -14,7 +14,7 @@ from gsedit.errors import Said
 from gsedit.words.instruction import Change, Instruction
 from gsedit.words.marks.marked import Marked, pieces, told
 from gsedit.words.marks.meaning import changes_of
-from gsedit.words.refusals import Refused, reason
+from gsedit.words.refusals import Refused
 
 STAYS = re.compile(
     r"\b(?:keep|keeping|kept|leave|leaving|preserve|spare|sparing|protect|except|excluding|exclude|"
@@ -47,6 +47,12 @@ TOLD_OF = re.compile(
     re.IGNORECASE,
 )
 """A sentence that only tells of a request."""
+TAKEN = re.compile(
+    r"\b(?:not?|never|without|neither|nor|less|fewer|stop|end|off|out|over|undo|avoid|except|but|"
+    r"remove|reduce|un-?\w+|halve|thinner|any(?:thing)? (?:but|other|else))\b|n't\b",
+    re.IGNORECASE,
+)
+"""Words that deny, or take away what no route takes away."""
 INSTEAD = re.compile(
     r"\b(?:but|just|instead|rather|only)\b|[,;.:!?]\s*(?:and )?(?:make|paint|turn|it should|the)\b",
     re.IGNORECASE,
@@ -100,22 +106,19 @@ REFUSED = 0.5
 """Least probability that nothing can be done."""
 
 
-def by_marks(sentence: str, text: str, files: Sequence[str], *, accept_unread: bool) -> Instruction:
-    """Changes that the network marks in a text, which is the sentence without its `files`; or why
-    it is refused, as where it is not sure and that is not accepted."""
+def heard(text: str, files: Sequence[str] = (), *, accept_unread: bool = False) -> Instruction:
+    """Changes that the network marks in a text, in which a noun stands for each of `files`; not
+    known where it is not sure and that is not accepted. Raises Refused."""
     said = marked(text)
-    try:
-        if denied(said):
-            raise Refused("negation")
-        if said.refused > REFUSED or not said.asked:
-            raise Refused("nonsense")
-        changes = tuple(changes_of(said, files))
-        if not said.kept and (stopped := stays_unheard(text, changes)):
-            raise Refused("kept", stopped)
-    except Refused as refused:
-        return Instruction(sentence, False, reason(refused), (), refused.args[0])
-    text = "; ".join(map(str, changes))
+    if denied(said):
+        raise Refused("negation")
+    if said.refused > REFUSED or not said.asked:
+        raise Refused("negation" if TAKEN.search(text) else "nonsense")
+    changes = tuple(changes_of(said, files))
+    if not said.kept and (stopped := stays_unheard(text, changes)):
+        raise Refused("kept", stopped)
+    told = "; ".join(map(str, changes))
     if unsure(said) and not accept_unread:
-        why = Said(f"read: {text}; this is not sure. Run it so?", "unread")
-        return Instruction(sentence, False, why, (), "unread", (sentence,))
-    return Instruction(sentence, True, text, changes)
+        why = Said(f"read: {told}; this is not sure. Run it so?", "unread")
+        return Instruction(text, False, why, changes, "unread", (text,))
+    return Instruction(text, True, told, changes)

@@ -7,7 +7,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from gsedit.words.amounts import amount_of
+from gsedit.words.direct import light_of
 from gsedit.words.instruction import MOST, Change
+from gsedit.words.lexicon import sets
 from gsedit.words.marks import values
 from gsedit.words.marks.actions import action, inserted
 from gsedit.words.marks.marked import PRONOUN, Asked, Marked
@@ -21,7 +23,7 @@ SCALES = {"": 1.0, "little": SLIGHT, "much": STRONG}
 BACKGROUND = re.compile(
     r"^(?:the |whole |entire |my |all )*"
     r"(?:background|backdrop|bg|surroundings?|environment|scenery|"
-    r"rest(?: of (?:it|them|the .*))?|everything else|all else|others?|"
+    r"rest(?: of (?:it|them|the .*))?|everything else|all else|nothing else|anything else|others?|"
     r"everything around (?:it|the .*))$"
 )
 WHOLE = re.compile(
@@ -29,12 +31,6 @@ WHOLE = re.compile(
     r"it all|shot|frame|view|render|all(?: of it)?|whole thing|capture|scan)$"
 )
 SOLID = ("material", "paint", "growth", "object")
-TURNED = re.compile(
-    r"\b(?:too|so|not|no|less|never|without|is|are|was|looks?|seems?|feels?|such|but|than|how|why|away|wait|"
-    r"mean|rather|instead|half|reduce|lower|decrease|down|low|enough)\b|n't\b|'s\b",
-    re.IGNORECASE,
-)
-"""Words beside which a quality may be what there is too much of."""
 MADE = ("the clone", "the new one", "the duplicate", "the second one", "the copied one")
 LIT = re.compile(r"\b(?:only|just|alone|solely)\b", re.IGNORECASE)
 """Words that make of a light on a thing a light on that thing alone."""
@@ -53,14 +49,24 @@ def changes_of(said: Marked, files: Sequence[str] = ()) -> list[Change]:
             last = change.phrase
         if change.name in ("copy", "insert"):
             last = "the copy" if change.name == "copy" else change.phrase
+    _refuse_two(found)
     return _but([_checked(each) for each in found], said.kept)
+
+
+def _refuse_two(changes: Sequence[Change]) -> None:
+    """Raise Refused for two coats of one part, and for two times of day."""
+    coats = [(c.target, c.phrase) for c in changes if c.kind in ("paint", "material")
+             and c.name != values.GLOW]  # fmt: skip
+    times = [c for c in changes if c.kind == "light" and light_of(c.name) in sets()["time"]]
+    if len(set(coats)) < len(coats) or len(times) > 1:
+        raise Refused("two")
 
 
 def _change(asked: Asked, text: str) -> Change:
     """A change, of its usual part. Raises Refused."""
     match asked.deed:
         case "tone":
-            return _toned(asked, _sign(asked, text), text)
+            return _toned(asked, asked.sign or 1, text)
         case "paint":
             name = led(asked.name, text)
             found = values.paint(name) or values.material(name)
@@ -82,19 +88,9 @@ def _change(asked: Asked, text: str) -> Change:
         found = values.meant(asked.value, asked.value_sure, asked.deed, asked.side, asked.degree)
     if found is None:
         raise Refused("style" if asked.deed == "look" else "unknown", asked.name, *asked.near)
+    if found.kind in ("light", "look"):
+        return values.as_strong(found, amount_of(scanned(_amount(asked))), asked)
     return found
-
-
-def _sign(asked: Asked, text: str) -> int:
-    """Sign of a tone: that of the one word that says it, where nothing turns it around; else the
-    network's."""
-    told = {
-        word.value[-1] for word in scanned(text)
-        if word.kind in ("state", "turn") and word.value.split()[0] == asked.tone
-    }  # fmt: skip
-    if len(told) == 1 and not TURNED.search(text):
-        return 1 if told == {"+"} else -1
-    return asked.sign or 1
 
 
 def led(name: str, text: str) -> str:
@@ -143,6 +139,8 @@ def _placed(change: Change, asked: Asked, text: str, last: str) -> Change:
         part = "background" if BACKGROUND.match(of) else "scene" if WHOLE.match(of) else part
         part = "it" if PRONOUN.match(of) or not of else part
     solid, told = change.kind in SOLID, _told(of)
+    if part == "span" and change.name == "brightness" and (lamp := values.lamp(of)):
+        return replace(lamp, amount=change.amount)  # "make the moonlight brighter"
     if change.kind == "light" and part in ("span", "it"):
         alone = part == "span" and LIT.search(text)
         return replace(change, target="subject", phrase=told) if alone else change

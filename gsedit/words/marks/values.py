@@ -2,14 +2,25 @@
 
 from __future__ import annotations
 
-from gsedit.words import colors, lexicon
-from gsedit.words.direct import LIKE, light_of, routed
-from gsedit.words.instruction import Change
-from gsedit.words.scan import Word, normalised, scanned
-from gsedit.words.solids import GLOW, UNSIDED, qualified
+from dataclasses import replace
+from functools import lru_cache
 
-GROWTH = frozenset(lexicon.things("growth"))
-"""Layers that lie on what faces the sky."""
+from gsedit.words import colors, lexicon
+from gsedit.words.amounts import Amount
+from gsedit.words.direct import LIKE, SCENERIES, light_of, routed
+from gsedit.words.instruction import Change
+from gsedit.words.marks.marked import Asked
+from gsedit.words.refusals import Refused
+from gsedit.words.scan import Word, normalised, scanned, tokens
+from gsedit.words.tones import tone
+
+GROWTH, LAMPS, UNSIDED = (
+    frozenset(lexicon.things(kind)) for kind in ("growth", "lamp", "unsided")
+)
+"""Layers that lie on what faces the sky, lights whose brightness is their own, and lights from no
+side."""
+GLOW = "glow"
+"""Material of any color."""
 FROM = {
     "left": "from the left", "right": "from the right", "behind": "from behind",
     "front": "from the front", "above": "above",
@@ -17,14 +28,44 @@ FROM = {
 """Words of a light's name for the side that it comes from."""
 THICKER = {"little": -0.5, "much": 1.0}
 """Shares that a layer is thinner or thicker than usual."""
+WEAKENS = ("dim", "weak", "thin", "less", "dark", "fain", "soft")
+"""Beginnings of words after an amount that make a light weaker."""
 STRONGER = {"little": -0.4, "much": 0.5}
 """Shares that a light is weaker or stronger than usual."""
 SEAL = 0.5
 """Least probability of a name that the words do not say."""
 
 
+@lru_cache(8)
+def _facts(kind: str) -> dict[str, str]:
+    """Names of a kind by the phrases that tell it, whatever else they mean."""
+    rows = (*lexicon.rows_of(lexicon.TABLE), *lexicon.rows_of(lexicon.ALIASES))
+    return {
+        phrase: value.partition(" #")[0] for told, value, phrases in rows if told == kind
+        for phrase in (value.partition(" #")[0], *phrases)
+    }  # fmt: skip
+
+
+def told_by(kind: str, name: str) -> str:
+    """The name of a kind that the longest phrase within words tells; "" for none."""
+    words, facts = tokens(name), _facts(kind)
+    spans = (
+        " ".join(words[start : start + size])
+        for size in range(len(words), 0, -1)
+        for start in range(len(words) - size + 1)
+    )
+    return next((facts[each] for each in spans if each in facts), "")
+
+
 def material(name: str) -> Change | None:
     """The material that words name, with its color, finish and trimming; None for none."""
+    found = _material(name)
+    if found is None and (value := told_by("material", name)):
+        found = _material(value)
+    return found
+
+
+def _material(name: str) -> Change | None:
     words = [word for word in scanned(name) if word.kind != "mark"]
     solid = [
         at for at, word in enumerate(words)
@@ -41,6 +82,18 @@ def material(name: str) -> Change | None:
         color = next((each.color for each in words if each.color and each is not word), None)
         full = GLOW
     return routed(Change("subject", "material", full, color, None, ""))
+
+
+def qualified(words: list[Word], at: int) -> tuple[list[str], str | None]:
+    """(words before a material that belong to it, the color among them or in its name)."""
+    word, own = words[at], list[str]()
+    color = word.color if word.text.endswith(f" {word.value}") else None
+    for each in reversed(words[:at]):
+        if not (each.kind in ("color", "finish", "material") or each.has("adj")):
+            break
+        own.insert(0, each.text)
+        color = color or (each.color if each.kind == "color" else None)
+    return own, color
 
 
 def _head(words: list[Word], solid: list[int]) -> int:
@@ -107,14 +160,13 @@ def color_of(name: str) -> str | None:
 def cover(name: str, degree: str = "") -> Change | None:
     """The layer that words name, or the material that it looks like; None for none."""
     words = scanned(name)
-    grown = next((w for w in words if {w.text, w.value} & GROWTH), None)
-    if grown:
-        said = grown.text if grown.text in GROWTH else grown.value
+    told = (each for word in words for each in (word.text, word.value) if each in GROWTH)
+    if said := next(told, "") or told_by("growth", name):
         amount = THICKER.get(degree)
         if any(w.text in ("thick", "deep", "heavy", "dense") for w in words):
             amount = amount or THICKER["much"]
         return Change("subject", "growth", said, None, amount, "object")
-    return material(name)
+    return material(name) or look(name)
 
 
 def light(name: str, side: str = "", degree: str = "") -> Change | None:
@@ -122,6 +174,8 @@ def light(name: str, side: str = "", degree: str = "") -> Change | None:
     words = scanned(name)
     lit = [word for word in words if word.kind == "light"]
     word = next((w for w in lit if w.value not in ("cloudy",)), lit[0] if lit else None)
+    if word is None and (value := told_by("light", name)):
+        word = Word(value, "light", value)
     colored = next((w for w in words if w.color and w is not word), None)
     if word is None and (
         colored or side or {"light", "lights", "lit", "lamp"} & set(_texts(words))
@@ -141,6 +195,29 @@ def light(name: str, side: str = "", degree: str = "") -> Change | None:
     return routed(Change("scene", "light", full, color, STRONGER.get(degree), ""))
 
 
+def lamp(phrase: str) -> Change | None:
+    """The lamp that a phrase names, whose brightness is its own; None for none."""
+    found = light(phrase)
+    return found if found and found.color is None and light_of(found.name) in LAMPS else None
+
+
+def as_strong(change: Change, given: Amount, asked: Asked) -> Change:
+    """A light as strong as is said: half of what is usual for "50 % fog", 0.3 more for "30 %
+    brighter". Raises Refused for a strength of what has one, and a side of what has none."""
+    share = given.share if given.factor is None else given.factor - 1
+    if change.name.split(" from ")[0] in UNSIDED | SCENERIES and asked.side in ("left", "right"):
+        raise Refused("side")
+    if share is None:
+        return change
+    if change.route != "light":
+        raise Refused("strength")
+    if given.factor is None and asked.amount[:1] not in "+-":
+        word = next((w.kind for w in scanned(asked.after) if w.kind in ("up", "down")), "")
+        dimmer = word == "down" or asked.after.startswith(WEAKENS)
+        share = -share if dimmer else share if word or asked.after.endswith("er") else share - 1
+    return replace(change, amount=round(share, 4))
+
+
 def look(name: str) -> Change | None:
     """The season, weather, drawing or painting that words name; None for none."""
     if "given picture" in normalised(name):
@@ -148,7 +225,10 @@ def look(name: str) -> Change | None:
     drawn = [word for word in scanned(name) if word.kind == "look"]
     styled = [word for word in drawn if word.value in lexicon.styles()]
     word = next(iter((*styled, *drawn)), None)
-    return word and routed(Change("scene", "look", word.value, None, None, ""))
+    if word is None and (toned := told_by("style", name)):
+        return tone(toned, None)
+    value = word.value if word else told_by("scenery", name)
+    return routed(Change("scene", "look", value, None, None, "")) if value else None
 
 
 def _texts(words: list[Word]) -> list[str]:
@@ -170,5 +250,7 @@ def scenic(deed: str, name: str, side: str, degree: str) -> Change | None:
     found, other = look(name), light(name, side, degree)
     if deed != "look":
         found, other = other, found
+    elif other and other.name == "lamp" and other.color:
+        other = None  # a color in a look is no light
     done = (each for each in (found, other) if each and each.route != "pix2pix")
     return next(done, found)

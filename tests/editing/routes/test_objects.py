@@ -63,6 +63,14 @@ def repainted(after: Gaussians, rows: torch.Tensor) -> torch.Tensor:
     return (after.sh[:, 0] != tiny_edits.scene().sh[rows, 0]).any(-1)
 
 
+def test_several_copies_are_made_one_after_the_other():
+    change = {"target": "subject", "kind": "object", "name": "copy", "phrase": "the red one",
+              "amount": 3, "place": {"side": "left", "of": "the red one"}}  # fmt: skip
+    routed = applied(json.dumps({"changes": [change]}))
+    assert len(routed.scene) == 1300
+    assert (routed.origin[1000:] == NEW).all()
+
+
 def test_later_changes_find_their_rows_after_a_removal():
     routed = applied("remove the red one and paint the statue black")
     scene = routed.scene
