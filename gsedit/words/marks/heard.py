@@ -12,9 +12,10 @@ from functools import lru_cache
 
 from gsedit.errors import Said
 from gsedit.words.instruction import Change, Instruction
-from gsedit.words.marks.marked import Marked, pieces, told
+from gsedit.words.marks.marked import Asked, Marked, pieces, told
 from gsedit.words.marks.meaning import changes_of
 from gsedit.words.refusals import Refused
+from gsedit.words.scan import scanned
 
 STAYS = re.compile(
     r"\b(?:keep|keeping|kept|leave|leaving|preserve|spare|sparing|protect|except|excluding|exclude|"
@@ -99,7 +100,28 @@ def denied(said: Marked) -> bool:
 def unsure(said: Marked) -> bool:
     """Whether what is marked, or that nothing more is, is not sure."""
     least = min((each.sure for each in said.asked), default=0.0)
-    return least < UNSURE or said.more > MORE or said.kept_more > MORE
+    doubted = any(turned(each, said.text) for each in said.asked)
+    return doubted or least < UNSURE or said.more > MORE or said.kept_more > MORE
+
+
+def turned(asked: Asked, text: str) -> bool:
+    """Whether a tone goes the other way than all words of the text for it, with no word beside
+    them that turns them around."""
+    told = {
+        word.value[-1] for word in scanned(text)
+        if word.kind in ("state", "turn") and word.value.split()[0] == asked.tone
+    }  # fmt: skip
+    if asked.deed != "tone" or len(told) != 1 or TURNED.search(text):
+        return False
+    return (asked.sign > 0) != (told == {"+"})
+
+
+TURNED = re.compile(
+    r"\b(?:too|to(?= \w+$)|so|not|no|less|never|without|is|are|was|looks?|seems?|feels?|such|but|"
+    r"than|how|why|away|mean|rather|instead|half|reduce|lower|decrease|down|low|enough|fix|cure)\b|n't\b|'s\b",
+    re.IGNORECASE,
+)
+"""Words beside which a quality may be what there is too much of."""
 
 
 REFUSED = 0.5

@@ -110,8 +110,8 @@ CHANGES = 4
 """Changes of a sentence at most."""
 LONGEST = 24
 """Words of a span at most."""
-LOOSE = ("it", "scene")
-"""Parts of which no word is said."""
+ALIKE = (("paint", "material", "cover"), ("light", "weather", "look"))
+"""Kinds of changes between which the name decides."""
 NEAREST = 3
 """Names that are told where no word is known."""
 ARTICLES = re.compile(r"^(?:(?:on|of|in|to|for|at|just|only) )+(?=\w)|^(?:an?|only|just) ")
@@ -122,6 +122,34 @@ PRONOUN = re.compile(
     r"(?:the )?(?:subject|main thing|main object))$"
 )
 """Phrases of what the sentence is about."""
+
+
+BACKGROUND = re.compile(
+    r"^(?:the |whole |entire |my |all )*"
+    r"(?:background|backdrop|bg|surroundings?|environment|scenery|"
+    r"rest(?: of (?:it|them|the .*))?|everything else|all else|nothing else|anything else|others?|"
+    r"everything around (?:it|the .*))$"
+)
+"""Phrases of what surrounds the subject."""
+WHOLE = re.compile(
+    r"^(?:the |whole |entire |this |full )*(?:scene|picture|photo|photograph|image|everything|"
+    r"it all|shot|frame|view|render|all(?: of it)?|whole thing|capture|scan)$"
+)
+"""Phrases of all that is there."""
+
+
+def loose(phrase: str) -> bool:
+    """Whether a phrase names no thing of its own."""
+    return not phrase or any(each.match(phrase) for each in (BACKGROUND, WHOLE, PRONOUN))
+
+
+def parts_alike(part: str, phrase: str) -> tuple[str, ...]:
+    """Parts that mean the same beside a phrase."""
+    if part == "but":
+        return ("but",)
+    if part == "background" or BACKGROUND.match(phrase):
+        return ("span", "background", "but")
+    return ("span", "it") if part == "span" and not loose(phrase) else ("span", "it", "scene")
 
 
 CLASSES = {
@@ -208,20 +236,23 @@ def told(cut: Pieces, scores: Mapping, values: tuple[str, ...]) -> Marked:
 
 def _asked(cut: Pieces, row: Mapping, values: tuple[str, ...]) -> tuple[Asked, list]:
     """(a change, the words that it is marked in)."""
-    named = {**CLASSES, "value": values}
-    best = {name: row[name].max(-1) for name in named}
-    of = {name: classes[int(best[name].indices)] for name, classes in named.items()}
+    kinds = {**CLASSES, "value": values}
+    best = {name: row[name].max(-1) for name in kinds}
+    of = {name: classes[int(best[name].indices)] for name, classes in kinds.items()}
     sure = {name: float(each.values) for name, each in best.items()}
     near = tuple(values[at] for at in row["value"].topk(NEAREST).indices.tolist())
-    if of["part"] in LOOSE:  # nothing tells one from the other
-        sure["part"] = sum(float(row["part"][CLASSES["part"].index(each)]) for each in LOOSE)
+    found = {name: _span(cut, *row["ends"][2 * k : 2 * k + 2]) for k, name in enumerate(SPANS)}
+    said = {name: cut.said(*each) if each else "" for name, each in found.items()}
+    named = phrase(said["of"]) if said["of"] else ""
+    for kind, groups in (("deed", ALIKE), ("part", (parts_alike(of["part"], named),))):
+        alike = next((each for each in groups if of[kind] in each), ())
+        chances = [float(row[kind][CLASSES[kind].index(each)]) for each in alike]
+        sure[kind] = max(sure[kind], sum(chances))
     signed = of["deed"] in ("tone", "scale")
     least = min(
         sure["deed"], sure["part"],
         sure["tone"] if of["deed"] == "tone" else 1.0, sure["sign"] if signed else 1.0,
     )  # fmt: skip
-    found = {name: _span(cut, *row["ends"][2 * k : 2 * k + 2]) for k, name in enumerate(SPANS)}
-    said = {name: cut.said(*each) if each else "" for name, each in found.items()}
     before = after = ""
     if around := found["amount"]:
         words = [cut.text[a:b].lower() for a, b in cut.words]
@@ -229,9 +260,8 @@ def _asked(cut: Pieces, row: Mapping, values: tuple[str, ...]) -> tuple[Asked, l
         after = "".join(words[around[1] + 1 : around[1] + 2])
     amount = f"{before} {said['amount']}" if before in ("to", "at", "by") else said["amount"]
     change = Asked(
-        of["deed"], of["tone"], of["part"], phrase(said["of"]) if said["of"] else "",
-        said["name"], amount.lower(), after, said["to"], of["sign"], of["degree"], of["side"],
-        of["way"], of["value"], sure["value"], near, least,
+        of["deed"], of["tone"], of["part"], named, said["name"], amount.lower(), after, said["to"],
+        of["sign"], of["degree"], of["side"], of["way"], of["value"], sure["value"], near, least,
     )  # fmt: skip
     return change, [each for each in found.values() if each]
 

@@ -12,7 +12,7 @@ from gsedit.words.instruction import MOST, Change
 from gsedit.words.lexicon import sets
 from gsedit.words.marks import values
 from gsedit.words.marks.actions import action, inserted
-from gsedit.words.marks.marked import PRONOUN, Asked, Marked
+from gsedit.words.marks.marked import BACKGROUND, PRONOUN, WHOLE, Asked, Marked, loose
 from gsedit.words.phrases import IT
 from gsedit.words.refusals import Refused
 from gsedit.words.scan import scanned
@@ -20,16 +20,6 @@ from gsedit.words.tones import DEFAULT, SLIGHT, STRONG, tone
 
 SCALES = {"": 1.0, "little": SLIGHT, "much": STRONG}
 """Shares of a tone's usual amount."""
-BACKGROUND = re.compile(
-    r"^(?:the |whole |entire |my |all )*"
-    r"(?:background|backdrop|bg|surroundings?|environment|scenery|"
-    r"rest(?: of (?:it|them|the .*))?|everything else|all else|nothing else|anything else|others?|"
-    r"everything around (?:it|the .*))$"
-)
-WHOLE = re.compile(
-    r"^(?:the |whole |entire |this |full )*(?:scene|picture|photo|photograph|image|everything|"
-    r"it all|shot|frame|view|render|all(?: of it)?|whole thing|capture|scan)$"
-)
 SOLID = ("material", "paint", "growth", "object")
 MADE = ("the clone", "the new one", "the duplicate", "the second one", "the copied one")
 LIT = re.compile(r"\b(?:only|just|alone|solely)\b", re.IGNORECASE)
@@ -185,17 +175,12 @@ def _checked(change: Change) -> Change:
 
 def _but(changes: list[Change], kept: Sequence[str]) -> list[Change]:
     """Changes without what stays. Raises Refused where nothing is left, or all."""
-    named = [each for each in kept if not _loose(each)]
+    named = [each for each in kept if not loose(each)]
     rest = any(BACKGROUND.match(each) or WHOLE.match(each) for each in kept)
     pronoun = any(PRONOUN.match(each) for each in kept)
     if not kept and any(c.name == "remove" and c.target == "scene" for c in changes):
         raise Refused("everything")
     return [_without(each, named, rest, pronoun, kept) for each in changes]
-
-
-def _loose(phrase: str) -> bool:
-    """Whether a phrase names no thing of its own."""
-    return any(each.match(phrase) for each in (BACKGROUND, WHOLE, PRONOUN))
 
 
 def _without(
