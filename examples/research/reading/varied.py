@@ -23,6 +23,10 @@ VERB = re.compile(
     re.IGNORECASE,
 )
 """A plain request: with a word of denial before it, it asks for nothing."""
+SHORT = 0.3
+"""Share of sentences that are plain ones of said.txt."""
+NEWER = 160
+"""Last rows of said.txt, of difficulties that were met late: half of the plain ones."""
 THING = "the bear"
 """A thing in sentences that ask for nothing."""
 NO_THING = re.compile(r"^(?:it|everything|all|the rest|rest|background|bg|me|us)\b", re.IGNORECASE)
@@ -65,15 +69,16 @@ class Varied:
     def one(self) -> Labelled:
         """A sentence, varied or not, or one from the lexicon."""
         rng = self.rng
-        if rng.random() < 0.2:
-            now = self.swapped(rng.choice(self.plain), 0.9)
+        if rng.random() < SHORT:
+            few = rng.choice((self.plain, self.plain[-NEWER:]))
+            now = self.swapped(rng.choice(few), 0.8)
         else:
             now = rng.choice(self.sentences)
         if now.refused or rng.random() < 0.55:
             now = self.swapped(now, 0.5)
         if rng.random() < 0.05:
             now = self.corrected(now)
-        if rng.random() < 0.02 and VERB.match(now.text) and not now.kept:
+        if rng.random() < 0.05 and VERB.match(now.text) and not now.kept:
             text = now.text[0].lower() + now.text[1:].rstrip(".! ")
             return Labelled(rng.choice(self.texts["deny"]).format(text), (), refused=True)
         if rng.random() < 0.22:
