@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from gsedit.measures.against import Reference
     from gsedit.measures.agreement import Pictures
-    from gsedit.measures.evaluation_input import EvaluationInput
+    from gsedit.measures.metrics import EvaluationInput
     from gsedit.select.region import Region
     from gsedit.views.view_list_files import ViewList
     from rasterizer.scene import Gaussians
@@ -189,7 +189,7 @@ def gather(
     """Read everything that is measured."""
     from gsedit.capture.matches import match_pictures
     from gsedit.measures.against import find_alone
-    from gsedit.measures.evaluation_input import REGION_IS, EvaluationInput
+    from gsedit.measures.metrics import REGION_IS, EvaluationInput
     from gsedit.select.masked import read_masks
 
     drawn = own.subject_masks

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import numpy as np
     import torch
 
-    from gsedit.pictures.frames import Animation
+    from gsedit.pictures.animations import Animation
     from rasterizer.camera import Camera
     from rasterizer.scene import Gaussians
 
@@ -228,7 +228,7 @@ def render(
     """
     check(scene, own, cameras, path, pictures)
 
-    from gsedit.pictures.frames import Animation
+    from gsedit.pictures.animations import Animation
 
     kind = own.kind
     gaussians, second, numerics = read_scenes(scene, pictures.wipe, drop_invalid=own.drop_invalid)

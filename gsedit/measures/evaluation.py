@@ -30,23 +30,21 @@ from gsedit.measures.agreement import (
     matchable,
     spread,
 )
-from gsedit.measures.evaluation_input import (
-    MEASURED_ROLES,
-    Evaluation,
-    EvaluationInput,
-    Group,
-    Mean,
-    ViewMeasures,
-)
 from gsedit.measures.formulas import SquaredError, perceptual, pooled_rmse, squared_error
 from gsedit.measures.interval import interval, mean_interval
 from gsedit.measures.metrics import (
     COST,
+    MEASURED_ROLES,
     METRICS,
     NO_UNEDITED,
     PAIRS,
+    Evaluation,
+    EvaluationInput,
+    Group,
+    Mean,
     MeasuredView,
     Metric,
+    ViewMeasures,
     label_of,
     why_missing,
     why_missing_at,

@@ -16,8 +16,7 @@ from gsedit.paper.consistency.harmonise import Surface, harmonise_by_depth
 from gsedit.paper.diffusion.settings import SamplerSettings
 from gsedit.paper.guided import carry_change
 from gsedit.paper.protocol import EditBatch, Editor
-from gsedit.paper.session import Session, preview
-from gsedit.paper.unedited import UneditedRenders
+from gsedit.paper.session import Session, UneditedRenders, preview
 from gsedit.paper.view_plan import view_overlap
 from gsedit.run.events import Event
 from gsedit.select.region import (

@@ -6,7 +6,7 @@ from dataclasses import asdict, replace
 import torch
 
 from gsedit.bench.renderer import stability
-from gsedit.bench.renderer.edge_cases import EDGE_CASES
+from gsedit.bench.renderer.stability import EDGE_CASES
 
 DTYPES = (torch.float32, torch.float64)
 

@@ -11,8 +11,16 @@ from closeness import EPS32, assert_near
 from gsedit.paper.consistency.correspond import Correspondences
 from gsedit.paper.diffusion.settings import SamplerSettings
 from gsedit.paper.editors import EditBatch
-from gsedit.paper.editors.closed_form import CODE, ClosedForm, Mixture, Perturbation
-from gsedit.paper.editors.looks import LOOKS, VARIANTS, agreed_variant, parse
+from gsedit.paper.editors.closed_form import (
+    CODE,
+    LOOKS,
+    VARIANTS,
+    ClosedForm,
+    Mixture,
+    Perturbation,
+    agreed_variant,
+    parse,
+)
 from gsedit.paper.editors.sampling import DiffusionEditor
 
 SIZE = 64

@@ -11,7 +11,7 @@ import torch
 from closeness import EPS32, leaves, relative, tensors, weights_like
 
 from gsedit.bench.renderer import stability
-from gsedit.bench.renderer.edge_cases import CROWD, EDGE_CASES, camera, gaussian
+from gsedit.bench.renderer.stability import CROWD, EDGE_CASES, camera, gaussian
 from rasterizer import Execution, Numerics, Rendering, render
 from rasterizer.blending import cpp_backend as compiled
 from rasterizer.numerics import Kernel

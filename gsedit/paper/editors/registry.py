@@ -18,8 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gsedit.errors import GseditError, UsageError
-from gsedit.paper.editors.command import EXAMPLE, MASK_EXAMPLE
-from gsedit.paper.editors.plugins import Listing, Plugins
+from gsedit.paper.editors.plugins import EXAMPLE, MASK_EXAMPLE, Listing, Plugins
 
 if TYPE_CHECKING:
     from gsedit.paper.diffusion.settings import Precision
@@ -105,7 +104,7 @@ def _command(
     run: str | None = None, timeout: float | None = None, folder: Path | None = None
 ) -> Editor:
     """Any program that reads a folder of pictures and fills another; made consistent afterwards."""
-    from gsedit.paper.editors.command.editor import Command
+    from gsedit.paper.editors.command import Command
 
     if run is None:
         raise UsageError(f"the command editor needs to know the program: add {EXAMPLE}")
@@ -119,7 +118,7 @@ def _command_missing() -> Iterable[str]:
 
 def _mask_command(run: str | None = None) -> MaskProvider:
     """A program of yours: --masks-run "my_segmenter {input} {output} {phrase}"."""
-    from gsedit.paper.editors.command.editor import MaskCommand
+    from gsedit.paper.editors.command import MaskCommand
 
     if run is None:
         raise UsageError(f"--masks command needs to know the program: add {MASK_EXAMPLE}")

@@ -22,14 +22,12 @@ from gsedit.paper.editors.painter.network import (
     Moments,
     PaintNetwork,
     hold,
+    load_picture_styles,
     mixed,
     padded,
-    weights_of,
-)
-from gsedit.paper.editors.painter.picture_style import (
-    load_picture_styles,
     read_style_picture,
     style_of,
+    weights_of,
 )
 from gsedit.paper.protocol import Capabilities, EditBatch, EditProgress
 from gsedit.scene.color_space import LUMINANCE
