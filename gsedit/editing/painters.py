@@ -57,8 +57,6 @@ from rasterizer.camera import Camera
 from rasterizer.numerics import color_to_sh, sh_to_color
 from rasterizer.scene import Gaussians
 
-SHARE = 0.3
-"""Share without a number."""
 GAIN = 2.0
 """Largest factor less 1 of the deepest shadow, or the brightest light, for each share."""
 NEAR = 16
@@ -69,17 +67,11 @@ DETAIL = 3.0
 Gains = Callable[[Float[Tensor, " n"], float], Float[Tensor, " n"]]
 
 
-def _shadows(luma: Float[Tensor, " n"], share: float) -> Float[Tensor, " n"]:
-    """Factors of colors by their luma: dark ones change, light ones stay."""
-    return 1 + GAIN * share * (1 - luma) ** 3
-
-
-def _highlights(luma: Float[Tensor, " n"], share: float) -> Float[Tensor, " n"]:
-    """Factors of colors by their luma: light ones change, dark ones stay."""
-    return 1 + GAIN / 2 * share * luma**3
-
-
-CURVES: dict[str, Gains] = {"shadows": _shadows, "highlights": _highlights}
+CURVES: dict[str, Gains] = {
+    "shadows": lambda luma, share: 1 + GAIN * share * (1 - luma) ** 3,
+    "highlights": lambda luma, share: 1 + GAIN / 2 * share * luma**3,
+}
+"""Factors of colors by their luma: dark ones change and light ones stay, or the other way round."""
 LOCAL = (*CURVES, "sharpness")
 """Names of the tones of this file."""
 
@@ -91,7 +83,7 @@ def locally_toned(
 
     Raises UsageError for a share out of range.
     """
-    share = SHARE if amount is None else amount
+    share = DEFAULT_SHARE if amount is None else amount
     if not -1 <= share <= MOST["tone"]:
         raise UsageError(f"{name} by {share:+.0%} is out of range: say a share from -100% to 500%")
     sh = scene.sh.clone()

@@ -11,10 +11,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.capture.fitting.random_crops import crops_needed
 from gsedit.capture.fitting.solve import solve_colors, trusting_penalty
 from gsedit.capture.fitting.strokes import BAND_PENALTY, leading_shares, leading_views, stroke_steps
-from gsedit.capture.fitting.update import Target, update_steps
+from gsedit.capture.fitting.update import Target, crops_needed, update_steps
 from gsedit.errors import InputError
 from gsedit.paper.edit_views import edit_views
 from gsedit.paper.evaluate import measure_progress
@@ -65,7 +64,6 @@ class Action(Protocol):
 
     def __call__(self, session: Session) -> Iterator[Event]:
         """Run the action; yields its events."""
-        ...
 
 
 @runtime_checkable
@@ -84,7 +82,6 @@ class Strategy(Protocol):
         found: an edit that is resumed skips those that are done. Chance belongs into the actions,
         from the generator of the request.
         """
-        ...
 
 
 class RollbackAction:

@@ -10,7 +10,7 @@ from typing import Any
 
 import torch
 
-from gsedit.capture.fitting.edit_loss import check_installed
+from gsedit.capture.fitting.update import check_installed
 from gsedit.errors import UsageError
 from gsedit.measures.features import MIN_SIDE, FeatureExtractor, FilterBank
 from gsedit.paper.protocol import Editor

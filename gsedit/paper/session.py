@@ -14,8 +14,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from gsedit.capture.fitting.optimizer import SceneOptimizer
-from gsedit.capture.fitting.random_crops import MIN_SHOWN_SHARE
-from gsedit.capture.fitting.update import Target, rates
+from gsedit.capture.fitting.update import MIN_SHOWN_SHARE, Target, rates
 from gsedit.paper.protocol import Editor, GroundTruth
 from gsedit.paper.request import Request
 from gsedit.paper.view_plan import ViewPlan

@@ -25,6 +25,13 @@ def perpendicular(vectors: Float[Tensor, "*n 3"]) -> Float[Tensor, "*n 3"]:
     return torch.nn.functional.normalize(torch.linalg.cross(vectors, axis), dim=-1)
 
 
+def unit_up(up: Float[Tensor, "3"]) -> Float[Tensor, "3"]:
+    """The upward unit vector, float64. Raises UsageError for what is no direction."""
+    if not up.isfinite().all() or not up.any():
+        raise UsageError(f"up {up.tolist()} is no direction: three finite numbers, not all 0")
+    return torch.nn.functional.normalize(up.detach().double(), dim=0)
+
+
 def parallel(
     middle: Float[Tensor, "3"],
     axis: Float[Tensor, "3"],
@@ -96,9 +103,6 @@ def orbit(
     """
     ball = bounds(scene, alone=alone)
     center = torch.tensor(ball.center, dtype=torch.float64)
-    axis = (guess_up(scene) if up is None else up).detach().double()
-    if not axis.isfinite().all() or not axis.any():
-        raise UsageError(f"up {axis.tolist()} is no direction: three finite numbers, not all 0")
-    axis = torch.nn.functional.normalize(axis, dim=0)
+    axis = unit_up(guess_up(scene) if up is None else up)
     cameras = circle(center, ball.radius, axis, count, size, elevation=elevation, fov=fov)
     return tuple(replace(camera, near=ball.near) for camera in cameras)
