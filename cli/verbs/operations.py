@@ -4,7 +4,7 @@ each returns: convert, filter, clean, decimate, merge, recolor."""
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -12,16 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from gsedit.errors import UsageError
 
 from ..chain import Target
-from ..core.command import (
-    Setting,
-    Settings,
-    Values,
-    argument,
-    option,
-    settings_of,
-    shows,
-    with_values,
-)  # fmt: skip
+from ..core.command import argument, option, shows
 from ..core.console import print_message
 from ..core.outputs import check_file
 from ..core.process import Output
@@ -34,6 +25,7 @@ if TYPE_CHECKING:
     from gsedit.toolkit.decimate import Decimate
     from gsedit.toolkit.defects import Limits
     from gsedit.toolkit.filter import Filter
+    from gsedit.toolkit.grade import Grade
     from gsedit.toolkit.merge import Merge
     from gsedit.toolkit.operation import Operation
     from rasterizer.camera import Camera
@@ -258,20 +250,38 @@ def merge(others: Others, *, files: FileOptions, output: Output) -> Merge:
     return Merge(sources, output.drop_invalid)
 
 
-def grade_settings() -> list[Setting]:
-    """Return an option for each slider of `Grade`; --curve is a text."""
-    from gsedit.toolkit.grade import Grade
+@dataclass(frozen=True)
+class GradeOptions:
+    """The fields of `Grade`."""
 
-    return list(settings_of(Grade(), without=("curve",)))
+    exposure: float = option(0.0, "STOPS")
+    """Brightness: 1 doubles the light."""
+    contrast: float = option(1.0, "FACTOR")
+    """Scale the distance from mid-gray."""
+    curve: str | None = option(None, "X:Y,X:Y")
+    """Monotone curve of each channel through these points, 0 to 1: 0.25:0.35 brightens the shadows;
+    0.05:0,0.95:1 sets black and white points."""
+    temperature: float = option(6500.0, "KELVIN")
+    """White balance: above 6500 warmer, below colder; 1667 to 25000."""
+    tint: float = option(0.0, "STOPS")
+    """Above 0 towards magenta, below towards green."""
+    saturation: float = option(1.0, "FACTOR")
+    """Strength of colors: 0 is black and white."""
+    hue: float = option(0.0, "DEGREES")
+    """Turn all hues, red towards green."""
+
+    def grade(self) -> Grade:
+        """Return the grade of the options. Raises UsageError."""
+        from gsedit.toolkit.grade import Grade, parse_curve
+
+        points = () if self.curve is None else parse_curve(self.curve)
+        return Grade(**{**vars(self), "curve": points})
 
 
 @dataclass(frozen=True)
 class RecolorOptions:
     """Options of `gsedit recolor` alone."""
 
-    curve: str | None = option(None, "X:Y,X:Y")
-    """Monotone curve of each channel through these points, 0 to 1: 0.25:0.35 brightens the shadows;
-    0.05:0,0.95:1 sets black and white points."""
     palette: Path | None = option(None, "PICTURE")
     """Give the scene the colors of a picture, after the grading. The whole scene is held in
     memory."""
@@ -288,10 +298,7 @@ class RecolorOptions:
     "--palette", "--opacity", "--where", "--output", "--force",
 )  # fmt: skip
 def recolor(
-    *,
-    own: RecolorOptions,
-    grading: Annotated[Values, Settings(grade_settings)],
-    selection: SelectionOptions,
+    *, own: RecolorOptions, grading: GradeOptions, selection: SelectionOptions
 ) -> list[Operation]:
     """Change colors and opacities, as in a photo editor.
 
@@ -303,14 +310,12 @@ def recolor(
 
     The order: temperature, tint, exposure, contrast, saturation, hue, curve, palette, opacity.
     """
-    part = selection.selection()
+    part, grade = selection.selection(), grading.grade()
 
-    from gsedit.toolkit.grade import Grade, parse_curve
+    from gsedit.toolkit.grade import Grade
     from gsedit.toolkit.operation import OnOnePart
     from gsedit.toolkit.recolor import Opacity, Palette, Recolor
 
-    curve = () if own.curve is None else parse_curve(own.curve)
-    grade = replace(with_values(Grade(), grading), curve=curve)
     operations: list[Operation] = []
     if grade != Grade():
         operations.append(Recolor(grade, selection=part))

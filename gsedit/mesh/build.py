@@ -9,7 +9,7 @@ distances are; a decimation would not.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import ceil, log2, sqrt
 from typing import Any
@@ -66,7 +66,8 @@ def fuse(surfaces: Sequence[SeenSurface], ball: Ball, voxel: float) -> tuple[Mes
     far = 4.0 * max(float(s.depth.max()) for s in surfaces) + ball.radius
     while True:
         grid = _grid(voxel)
-        blocks = _blocks(grid, (_Frame.of(surface, ball, far) for surface in surfaces), far)
+        touched = [_touched(grid, _Frame.of(surface, ball, far), far) for surface in surfaces]
+        blocks = np.unique(np.concatenate(touched), axis=0)
         if len(blocks) <= MOST_BLOCKS:
             break
         voxel *= 1.02 * sqrt(len(blocks) / MOST_BLOCKS)  # a surface has a square of them
@@ -105,12 +106,6 @@ class _Frame:
             _image(inside), _image(free), _tensor(np.array(lens), np.float64),
             _tensor(pose.numpy(), np.float64),
         )  # fmt: skip
-
-
-def _blocks(grid: Any, frames: Iterable[_Frame], far: float) -> Int[np.ndarray, "b 3"]:
-    """The blocks near a surface that any view sees inside the ball."""
-    found = [_touched(grid, frame, far) for frame in frames]
-    return np.unique(np.concatenate(found), axis=0)
 
 
 def _touched(grid: Any, frame: _Frame, far: float) -> Int[np.ndarray, "b 3"]:

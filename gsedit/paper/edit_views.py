@@ -113,9 +113,10 @@ def edit_views(
         with stopwatch.stage("correspond"):
             matches = match_views(session, (*batch, *tied))
         names = [session.request.every_view[i].name for i in (*batch, *tied)]
-        pairs = _named_pairs(matches, names)
-        edited.pairs += pairs
-        note = _describe(matches, [share for *_, share in pairs])
+        ends = tuple(itertools.combinations(range(len(names)), 2))
+        shares = [float(matches.matched[pair]) for pair in ends]
+        edited.pairs += [(names[a], names[b], share) for (a, b), share in zip(ends, shares)]
+        note = _describe(matches, shares)
         yield Event("correspond", stopwatch.seconds, step, steps, note=note)
     members = (*batch, *tied)
     with stopwatch.stage("sample"):
@@ -322,12 +323,6 @@ def choose_anchors(
     common = view_overlap(weights[finished], weights[list(batch)]).mean(1)
     order = common.argsort(descending=True, stable=True).tolist()
     return tuple(finished[i] for i in order if i == order[0] or common[i] >= MIN_ANCHOR_OVERLAP)
-
-
-def _named_pairs(matches: Correspondences, names: Sequence[str]) -> list[tuple[str, str, float]]:
-    """Every two views of a batch with the fraction of their cells that match."""
-    pairs = itertools.combinations(range(len(names)), 2)
-    return [(names[a], names[b], float(matches.matched[a, b])) for a, b in pairs]
 
 
 def _describe(matches: Correspondences, shares: Sequence[float]) -> str:

@@ -11,7 +11,7 @@ Maps of colors are done to scenes whose colors depend on the direction they are 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache
 from math import isfinite, isqrt
 
@@ -106,27 +106,23 @@ GREY = 0.5
 CurvePoints = tuple[tuple[float, float], ...]
 
 
-FLAG = {"flag": ""}
-"""Metadata of a field that is an option of `gsedit recolor`, with its name."""
-
-
 @dataclass(frozen=True)
 class Grade:
     """A grading of colors, in this order. Raises UsageError for a value out of range."""
 
-    temperature: float = field(default=NEUTRAL, metadata=FLAG)
+    temperature: float = NEUTRAL
     """Kelvin of the light that the capture is taken to be under, as in a photo editor: above 6500
     the picture becomes warmer, below colder. Luminance is kept."""
-    tint: float = field(default=0.0, metadata=FLAG)
+    tint: float = 0.0
     """Stops that green loses against red and blue: above 0 towards magenta, below towards green.
     Luminance is kept."""
-    exposure: float = field(default=0.0, metadata=FLAG)
+    exposure: float = 0.0
     """Stops: light times 2^exposure."""
-    contrast: float = field(default=1.0, metadata=FLAG)
+    contrast: float = 1.0
     """Factor of the distance from mid-grey; 1 changes nothing."""
-    saturation: float = field(default=1.0, metadata=FLAG)
+    saturation: float = 1.0
     """Factor of the distance from the grey of the same luma (Rec. 709); 0 is black and white."""
-    hue: float = field(default=0.0, metadata=FLAG)
+    hue: float = 0.0
     """Degrees about the grey axis, red towards green."""
     curve: CurvePoints = ()
     """Points (before, after) of a monotone curve of each channel; (0, 0) and (1, 1) where no point

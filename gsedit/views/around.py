@@ -178,7 +178,8 @@ def find_views(
         raise UsageError(f"views cannot stand at {wish.eye.tolist()} and look at it: move one")
     scene = scene.detach()
     free, ball = wish.eye is None and wish.look_at is None, bounds(scene)
-    if free and _is_one_place(scene):
+    apart = (scene.means - scene.means.median(0).values).norm(dim=-1).median()
+    if free and apart <= scene.scales.amax(-1).median():  # no place among them to stand at
         return _orbits(scene, count, size, wish.up, rings)
     places = find_places(draw_sample(scene, generator), wish, generator, effort)
     if free and places.enclosed < SURROUNDED:
@@ -199,13 +200,6 @@ def _orbits(
     each = max(1, count // len(rings))
     around = (orbit(scene, each, size, up=up, elevation=e, alone=True) for e in rings)
     return tuple(camera for ring in around for camera in ring)
-
-
-def _is_one_place(scene: Gaussians) -> bool:
-    """Whether the Gaussians are larger than what their centers extend over: there is no place among
-    them to stand at."""
-    apart = (scene.means - scene.means.median(0).values).norm(dim=-1).median()
-    return bool(apart <= scene.scales.amax(-1).median())
 
 
 def candidates(places: Places, target: Float[Tensor, "3"] | None, count: int) -> Candidates:

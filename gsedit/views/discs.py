@@ -83,7 +83,8 @@ def discs_on(part: Gaussians, cameras: Sequence[Camera] = ()) -> Discs | None:
     cell = max(float((high - low).amax()) / CELLS, FINEST * usual)
     if cell <= 0 or cell > COARSEST * usual:
         return None
-    views = [_in_cells(camera, part, cell) for camera in _chosen(list(cameras) or all_around(part))]
+    eyes = list(cameras) or all_around(part)
+    views = [_in_cells(eyes[i], part, cell) for i in evenly_spaced(len(eyes), VIEWS)]
     seen = [seen_surface(part, view) for view in views]
     seen = [without_pits(each) for each in seen if bool(each.seen.any())]
     if not seen:
@@ -106,10 +107,6 @@ def discs_on(part: Gaussians, cameras: Sequence[Camera] = ()) -> Discs | None:
     _, origin = k_nearest(part.means.numpy(), points.numpy(), 1)
     covered = _covered(part.means, points, normals, cell)
     return Discs(discs, normals, torch.from_numpy(origin[:, 0]), covered, cell)
-
-
-def _chosen(cameras: Sequence[Camera]) -> list[Camera]:
-    return [cameras[i] for i in evenly_spaced(len(cameras), VIEWS)]
 
 
 def _in_cells(camera: Camera, part: Gaussians, cell: float) -> Camera:

@@ -257,7 +257,10 @@ class _Fit:
         compiled = is_compiled(settings.execution)
         self.optimizer = SceneOptimizer(scene, rates, compiled=compiled)
         self.pyramid = pyramid(train, (pixels for _, pixels in settings.coarse))
-        self.costs = {side: step_cost(views) for side, views in self.pyramid.items()}
+        self.costs = {  # of a step on one of these views, in that of a step on no pixels
+            side: 1 + fmean(v.camera.width * v.camera.height for v in views) / EQUAL_PIXELS
+            for side, views in self.pyramid.items()
+        }
         self.work, self.began = 0.0, budget.seconds
         self.gradients = ScreenGradients(len(scene))
         self.started_with = len(scene)
@@ -455,11 +458,6 @@ def pyramid(views: Sequence[View], sides: Iterable[int]) -> dict[int | None, tup
     kept = PixelCache()
     coarse = {side: tuple(_coarse(view, side, kept) for view in views) for side in sides}
     return {None: tuple(views), **coarse}
-
-
-def step_cost(views: Sequence[View]) -> float:
-    """Cost of a step on one of these views, in that of a step on no pixels."""
-    return 1 + fmean(v.camera.width * v.camera.height for v in views) / EQUAL_PIXELS
 
 
 def _coarse(view: View, side: int, kept: PixelCache) -> View:

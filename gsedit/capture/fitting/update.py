@@ -256,7 +256,8 @@ def update_steps(
             rendered, expected = supervised(rendered, expected, _masks_of(patches))
             loss = edit_loss(rendered, expected, settings.terms_at(step), features)
             loss.backward()
-            optimizer.step(rate_scale(step, steps), only=seen)
+            rate = 1 - (1 - FINAL_RATE) * step / max(1, steps - 1)
+            optimizer.step(rate, only=seen)
         yield loss.item()
 
 
@@ -274,11 +275,6 @@ def _masks_of(patches: Sequence[tuple[View, Box]]) -> Bool[Tensor, "b y x"] | No
             for (view, box), every in zip(patches, whole)
         ]
     )
-
-
-def rate_scale(step: int, steps: int) -> float:
-    """Factor of the learning rates at this step of a round: from 1 to FINAL_RATE."""
-    return 1 - (1 - FINAL_RATE) * step / max(1, steps - 1)
 
 
 def coarse(view: View) -> View:

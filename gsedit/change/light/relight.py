@@ -174,16 +174,13 @@ def estimate_present(
     design = light_received.numpy()[rows]
     shown = np.clip(colors[rows].astype(np.float64), 0, 1)
     luminance = linear_of_srgb(shown) @ LUMINANCE
-    fitted = _fitted(design, luminance, _hues(shown), np.sqrt(seen[rows]))
+    squares = np.floor(lab_of_srgb(shown)[:, 1:] / HUE_STEP).astype(np.int64)
+    hues = np.unique(squares, axis=0, return_inverse=True)[1].reshape(-1)
+    fitted = _fitted(design, luminance, hues, np.sqrt(seen[rows]))
     weights = torch.from_numpy(fitted)
     light = light_received @ weights
     middle = float(light[torch.from_numpy(rows)].median().clamp_min(1e-6))
     return light.clamp(LEAST * middle, MOST * middle), weights
-
-
-def _hues(colors: Float64[np.ndarray, "m 3"]) -> Int64[np.ndarray, " m"]:
-    squares = np.floor(lab_of_srgb(colors)[:, 1:] / HUE_STEP).astype(np.int64)
-    return np.unique(squares, axis=0, return_inverse=True)[1].reshape(-1)
 
 
 def _fitted(

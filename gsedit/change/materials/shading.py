@@ -56,7 +56,8 @@ def share_of(layer: Layer, ground: Ground) -> Float[Tensor, " n"]:
     field, width = _FIELDS[layer.pattern](ground, max(layer.scale, 1e-3))
     if not len(field):
         return field
-    edge = torch.quantile(_some(field), 1 - min(max(layer.share, 0.0), 1.0))
+    some = field[:: 1 + len(field) // 100_000]  # the quantile is the same
+    edge = torch.quantile(some, 1 - min(max(layer.share, 0.0), 1.0))
     least = LEAST_HOLLOW if layer.pattern == "crevices" else -torch.inf
     return torch.sigmoid((field - edge.clamp_min(least)) / width)
 
@@ -111,10 +112,6 @@ def _grain(ground: Ground, scale: float) -> tuple[Tensor, float]:
     return turbulence(stretched, 2, 2), 0.5
 
 
-def _specks(ground: Ground, scale: float) -> tuple[Tensor, float]:
-    return grain(ground.points / scale) + 0.6 * grain(ground.points * (2.3 / scale), 5), 0.15
-
-
 def _patches(ground: Ground, scale: float) -> tuple[Tensor, float]:
     return turbulence(_warped(ground.points / scale, 0.3), 11) + 0.5 * ground.hollow, 0.12
 
@@ -141,14 +138,6 @@ def _bricks(ground: Ground, scale: float) -> tuple[Tensor, float]:
     return torch.maximum(across, 0.5 - 2 * (0.5 - along)), 0.02
 
 
-def _crevices(ground: Ground, scale: float) -> tuple[Tensor, float]:
-    return ground.hollow + 0.12 * turbulence(ground.points / scale, 31), 0.1
-
-
-def _up(ground: Ground, scale: float) -> tuple[Tensor, float]:
-    return ground.normals[:, 2] + 0.35 * turbulence(ground.points / scale, 37), 0.12
-
-
 def _flat(ground: Ground) -> tuple[Tensor, Tensor]:
     """Two coordinates along the surface: height, and the one across it that the normal faces
     least."""
@@ -159,22 +148,26 @@ def _flat(ground: Ground) -> tuple[Tensor, Tensor]:
     return u, torch.where(lies, torch.where(side[:, 0] > side[:, 1], x, y), z)
 
 
-def _some(field: Float[Tensor, " n"], at_most: int = 100_000) -> Float[Tensor, " m"]:
-    """Evenly spaced values: a quantile of more is the same."""
-    return field[:: 1 + len(field) // at_most]
-
-
 _FIELDS = {
     "veins": _veins,
     "rings": _rings,
     "grain": _grain,
-    "specks": _specks,
+    "specks": lambda ground, scale: (
+        grain(ground.points / scale) + 0.6 * grain(ground.points * (2.3 / scale), 5),
+        0.15,
+    ),
     "patches": _patches,
     "strata": _strata,
     "weave": _weave,
     "bricks": _bricks,
-    "crevices": _crevices,
-    "up": _up,
+    "crevices": lambda ground, scale: (
+        ground.hollow + 0.12 * turbulence(ground.points / scale, 31),
+        0.1,
+    ),
+    "up": lambda ground, scale: (
+        ground.normals[:, 2] + 0.35 * turbulence(ground.points / scale, 37),
+        0.12,
+    ),
 }
 
 

@@ -331,7 +331,8 @@ class Command:
         made of another size; each says where its folders remain.
         """
         self.check(batch.prompt)
-        free = _free(batch)
+        kept = batch.anchored
+        free = [i for i in range(len(batch.images)) if kept is None or not kept[i]]
         edited = batch.images.clone()
         if free:
             exchange = new_exchange(self.folder, [f"{view:03d}.png" for view in free])
@@ -365,13 +366,6 @@ class Command:
             "python": sys.executable,
         }
         return fill_fields(split_command(self.run), values)
-
-
-def _free(batch: EditBatch) -> list[int]:
-    """The views that are to be edited."""
-    if batch.anchored is None:
-        return list(range(len(batch.images)))
-    return torch.nonzero(~batch.anchored).squeeze(1).tolist()
 
 
 # ---- masks ---------------------------------------------------------------------------------------

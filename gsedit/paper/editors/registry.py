@@ -85,11 +85,6 @@ def _libraries_missing() -> Iterable[str]:
         yield f"{', '.join(absent)}: pip install 'gsedit[diffusers]'"
 
 
-def _diffusers_missing() -> Iterable[str]:
-    yield from _libraries_missing()
-    yield f"a model: add {_models()}"
-
-
 def _pix2pix_missing() -> Iterable[str]:
     from gsedit.paper.models import hub
 
@@ -109,11 +104,6 @@ def _command(
     if run is None:
         raise UsageError(f"the command editor needs to know the program: add {EXAMPLE}")
     return Command(run, timeout, folder)
-
-
-def _command_missing() -> Iterable[str]:
-
-    yield f"a program of yours: {EXAMPLE}"
 
 
 def _mask_command(run: str | None = None) -> MaskProvider:
@@ -159,8 +149,8 @@ EDITORS = Plugins(
         "painter": (_painter, tuple),
         "closed-form": (_closed_form, tuple),
         "pix2pix": (_pix2pix, _pix2pix_missing),
-        "diffusers": (_diffusers, _diffusers_missing),
-        "command": (_command, _command_missing),
+        "diffusers": (_diffusers, lambda: (*_libraries_missing(), f"a model: add {_models()}")),
+        "command": (_command, lambda: (f"a program of yours: {EXAMPLE}",)),
     },
     parts=("name", "cell", "check", "edit", "capabilities"),
 )

@@ -155,7 +155,10 @@ def make_plotter(
     pyvista = import_pyvista()
     attributes = None
     if look.color_by not in (COLOR, SELECTION):
-        check_colormap(look.colormap)
+        if look.colormap not in load_extra("matplotlib", "a color map").colormaps:
+            raise UsageError(
+                f"'{look.colormap}' is no color map of matplotlib: try viridis, magma or turbo"
+            )
         attributes = [attribute(p.scene, look.color_by, camera, p.extra) for p in panels]
     plotter = pyvista.Plotter(
         off_screen=off_screen,
@@ -178,12 +181,6 @@ def make_plotter(
     if len(panels) > 1:
         plotter.link_views()
     return plotter
-
-
-def check_colormap(name: str) -> None:
-    """Raise UsageError unless matplotlib has a color map of that name."""
-    if name not in load_extra("matplotlib", "a color map").colormaps:
-        raise UsageError(f"'{name}' is no color map of matplotlib: try viridis, magma or turbo")
 
 
 def panel_colors(panel: Panel, look: Look) -> UInt8[np.ndarray, "n 3"]:

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
-from jaxtyping import Float
 from PIL import Image
-from torch import Tensor
 
 from gsedit.formats.pictures import as_picture
 from gsedit.paper.editors.painter.editor import load_painter
@@ -28,19 +26,15 @@ JUDGED, JUDGED_SIZE = 8, 64
 
 
 def style_sheet(scene: Gaussians, viewpoints: Sequence[Viewpoint]) -> Image.Image:
-    """One view of a scene, as it is and in every style."""
-    judged = [viewpoints[i].camera for i in evenly_spaced(len(viewpoints), JUDGED)]
-    best = max(judged, key=lambda each: score_render(scene, each.fitted(JUDGED_SIZE)).score)
-    shown = render_picture(scene, best)
-    cells = [("unedited", shown), *in_every_style(shown)]
-    return captioned([(name, as_picture(picture)) for name, picture in cells], COLUMNS)
-
-
-def in_every_style(picture: Float[Tensor, "h w 3"]) -> Iterator[tuple[str, Float[Tensor, "h w 3"]]]:
-    """Each style's name, and the picture painted in it.
+    """One view of a scene, as it is and in every style.
 
     Raises InputError where the painter's weights are missing or damaged.
     """
+    judged = [viewpoints[i].camera for i in evenly_spaced(len(viewpoints), JUDGED)]
+    best = max(judged, key=lambda each: score_render(scene, each.fitted(JUDGED_SIZE)).score)
+    shown = render_picture(scene, best)
     painter = load_painter()
+    cells = [("unedited", shown)]
     for name, number in styles().items():
-        yield name, painted(painter.network, picture[None], painter.styles[number])[0]
+        cells.append((name, painted(painter.network, shown[None], painter.styles[number])[0]))
+    return captioned([(name, as_picture(picture)) for name, picture in cells], COLUMNS)
