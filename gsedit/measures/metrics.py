@@ -12,10 +12,9 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from gsedit.measures import perceptual as learned
-from gsedit.measures.agreement import Matcher, Pictures, PointComparison, WarpComparison
+from gsedit.measures.agreement import Matcher, PairComparison, Pictures
 from gsedit.measures.decibels import psnr_from_rmse
-from gsedit.measures.formulas import INSIDE, NEAREST, nearness, perceptual, rmse, ssim
-from gsedit.measures.interval import Interval
+from gsedit.measures.formulas import INSIDE, NEAREST, Interval, nearness, perceptual, rmse, ssim
 from gsedit.scene.picture import render_picture
 from gsedit.select.region import Region, coverage
 from gsedit.views.view_list_files import Role, ViewList
@@ -105,13 +104,13 @@ class Evaluation:
     """The values of all metrics, and the reasons where there is none."""
 
     measured: Means
-    warp: tuple[WarpComparison, ...]
+    warp: tuple[PairComparison, ...]
     not_measured: Mapping[str, str]
     """The reason, and what to do, by the name of the metric; as in
     "psnr_to_targets at held_out views" where only the views of one role have no value."""
     views: tuple[ViewMeasures, ...]
     """Those that were measured at, in the order of the list."""
-    points: tuple[PointComparison, ...] = ()
+    points: tuple[PairComparison, ...] = ()
     """Differences at matched points, of targets and of renders."""
 
     def number(self, role: Role) -> int:

@@ -24,6 +24,8 @@ from rasterizer.camera import Camera
 from rasterizer.numerics import SH_DC
 from rasterizer.scene import Gaussians
 
+Vectors = Float[Tensor, "d 3"]
+
 CELLS = 224
 """Cells along the longest side of a part: a disc is 1 / CELLS of it."""
 VIEWS = 32
@@ -63,7 +65,7 @@ class Discs:
 
     scene: Gaussians
     """The discs, SH of degree 0: the mean colors that views see."""
-    normals: Float[Tensor, "d 3"]
+    normals: Vectors
     """Unit normals of the discs, outwards."""
     origin: Int[Tensor, " d"]
     """The nearest Gaussian of the part."""
@@ -168,9 +170,7 @@ def _pixels(
     return inside, (at[:, 1], at[:, 0]), z.to(points)
 
 
-def _zero(
-    values: Float[Tensor, "x y z"], known: Bool[Tensor, "x y z"]
-) -> tuple[Float[Tensor, "d 3"], Float[Tensor, "d 3"]]:
+def _zero(values: Float[Tensor, "x y z"], known: Bool[Tensor, "x y z"]) -> tuple[Vectors, Vectors]:
     """Places between cells at which values are 0, in cells, and the unit slopes there."""
     slope = torch.stack(torch.gradient(values), -1)
     points, normals = [], []
@@ -190,12 +190,7 @@ def _zero(
     return torch.cat(points), torch.nn.functional.normalize(torch.cat(normals), dim=-1)
 
 
-def _colors(
-    seen: Sequence[SeenSurface],
-    points: Float[Tensor, "d 3"],
-    normals: Float[Tensor, "d 3"],
-    cell: float,
-) -> Float[Tensor, "d 3"]:
+def _colors(seen: Sequence[SeenSurface], points: Vectors, normals: Vectors, cell: float) -> Vectors:
     """Mean colors of points over the views that see them, the straightest most; 0.5 elsewhere."""
     total, weight = torch.full_like(points, 0.5e-6), points.new_full((len(points), 1), 1e-6)
     for view in seen:
@@ -210,10 +205,7 @@ def _colors(
 
 
 def _covered(
-    means: Float[Tensor, "n 3"],
-    points: Float[Tensor, "d 3"],
-    normals: Float[Tensor, "d 3"],
-    cell: float,
+    means: Float[Tensor, "n 3"], points: Vectors, normals: Vectors, cell: float
 ) -> Bool[Tensor, " n"]:
     """Whether places lie under the discs, or a little above."""
     _, at = k_nearest(points.numpy(), means.numpy(), 1)

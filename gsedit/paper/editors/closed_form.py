@@ -21,8 +21,8 @@ in log s: 20 Euler steps of it diverge. A narrow one overshoots to 7.5 m - 6 z.)
 Choice. A view's cells choose their variant together, by <q, m_j - m_k> / s^2. Were it read off the
 pixels, some 10^5 of them would decide it in the first step, before views can agree, and in favour
 of the variant towards which guidance overshoots. So the picture's share of the latent is small
-(`Distribution.radius`), the noise hides it at first, and the codes decide: equally far from each
-other and from the unedited picture, hence equally likely, and of a size (`Distribution.code`) at
+(RADIUS), the noise hides it at first, and the codes decide: equally far from each
+other and from the unedited picture, hence equally likely, and of a size (CODE_NORM) at
 which the decision falls into the consensus window. Without consensus every view chooses by its own
 noise.
 
@@ -38,6 +38,7 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
+from pathlib import Path
 from typing import NamedTuple
 
 import torch
@@ -46,6 +47,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from gsedit.change.light.relight import step
+from gsedit.change.tables import Row, read_table
 from gsedit.errors import UsageError
 from gsedit.paper.diffusion.guidance import Branches, Need, Prediction
 from gsedit.paper.diffusion.schedules import Schedule
@@ -142,76 +144,27 @@ def veined(codes: str, vein: str) -> ColorMap:
     return apply
 
 
-@dataclass(frozen=True)
-class Look:
-    """Words that ask for a look, and its variants."""
-
-    words: tuple[str, ...]
-    """Lower case; a word may be a phrase. Their order is of no meaning."""
-    variants: tuple[ColorMap, ColorMap, ColorMap]
+MAPS: dict[str, Callable[..., ColorMap]] = {
+    "ramp": ramp, "snow": snow, "foliage": foliage, "veined": veined,
+}  # fmt: skip
 
 
-LOOKS: dict[str, Look] = {
-    "bronze": Look(
-        ("bronze", "brass", "bronzed"),
-        (
-            ramp("140a04 5a3414 b07a2c f0c878 fff4d0"),  # polished, golden brown
-            ramp("080504 2a1810 5c3a26 9c6c4a e8c8a4"),  # dark
-            ramp("06120f 1c4a40 4c9484 96ccb4 ecf4dc", keep=0.15),  # green patina
-        ),
-    ),
-    "gold": Look(
-        ("gold", "golden", "gilded"),
-        (
-            ramp("2a1600 8a5400 e0a010 ffdc50 fffbd8"),  # yellow gold
-            ramp("2a0e0a 8c4438 d88c78 f8c8b4 fff4ec"),  # rose gold
-            ramp("161206 4c4414 8c8030 c8c070 f8f4cc"),  # old green gold
-        ),
-    ),
-    "marble": Look(
-        ("marble", "porcelain", "alabaster"),
-        (
-            veined("5c5c62 b4b4b8 e4e2de fbfaf6 ffffff", "54565e"),  # Carrara
-            veined("060608 1c1c20 3c3c42 6c6a70 d0ccc8", "e8dcc0"),  # black, gold veins
-            veined("4c2c28 a87068 dca89c f4d8cc fff6f0", "8c3c38"),  # rose
-        ),
-    ),
-    "stone": Look(
-        ("stone", "granite", "rock", "concrete", "limestone", "sandstone", "slate"),
-        (
-            ramp("18181a 4c4c4c 808080 acaca8 dcdcd4", keep=0.03, contrast=0.4),  # granite
-            ramp("38281a 806448 c0a078 e4d0a8 f8f0d8", keep=0.06, contrast=0.4),  # sandstone
-            ramp("0c1014 28343c 485864 78888c b8c4c4", keep=0.03, contrast=0.4),  # slate
-        ),
-    ),
-    "snow": Look(
-        ("snow", "snowy", "snowing", "snowfall", "snowed", "winter", "wintry", "blizzard"),
-        (
-            snow("6c7c90", "f8fbff", depth=0.22),  # a clear morning
-            snow("3c5878", "b4d0f4", depth=0.22),  # blue shade
-            snow("8c5c68", "ffd8c0", depth=0.26),  # evening light
-        ),
-    ),
-    "autumn": Look(
-        ("autumn", "autumnal", "fall foliage", "october"),
-        (
-            foliage("8c3c08 e88c1c ffd870", "ffecd0"),  # amber
-            foliage("64100c c4301c f89060", "ffd8cc"),  # crimson
-            foliage("847008 e8cc28 fff8a0", "fcf8c8"),  # yellow
-        ),
-    ),
-    "jade": Look(
-        ("jade", "emerald", "malachite"),
-        (
-            ramp("041c10 14603c 48ac74 a0dcac f0fff0", keep=0.05),  # green
-            ramp("020c08 083424 145c40 34906c a0d8bc", keep=0.05),  # dark
-            ramp("34401c 88985c c4d098 e8f0cc fffff4", keep=0.05),  # pale
-        ),
-    ),
-}
-"""By name, in the order in which they are listed. Variants differ at a glance."""
+def _variants(row: Row) -> tuple[ColorMap, ...]:
+    return tuple(
+        MAPS[name.split()[0]](**{key: _codes_of(value) for key, value in values.items()})
+        for name, values in row.parts
+    )
 
-NAMES = {word: name for name, look in LOOKS.items() for word in look.words}
+
+def _codes_of(value: str | float) -> str | float:
+    return value.replace("#", "").replace("/", " ") if isinstance(value, str) else value
+
+
+_ROWS = read_table(Path(__file__).with_name("looks.txt"))["looks"]
+LOOKS = {words.split()[0]: _variants(row) for words, row in _ROWS.items()}
+"""Variants by name, in the order in which they are listed."""
+NAMES = {word.replace("-", " "): words.split()[0] for words in _ROWS for word in words.split()}
+"""Looks by the words that ask for them, lower case; a word may be a phrase."""
 PATTERN = re.compile(rf"\b(?:{'|'.join(sorted(NAMES, key=len, reverse=True))})\b")
 STATUE = re.compile(r"\b(?:statue|sculpture|petrified)\b")  # stone, unless a look is named
 
@@ -225,7 +178,7 @@ class Recipe:
     def variant(self, images: Image, k: int) -> Image:
         """The k-th variant of every look in turn, in [0, 1]."""
         for name in self.names:
-            images = LOOKS[name].variants[k](images).clamp(0, 1)
+            images = LOOKS[name][k](images).clamp(0, 1)
         return images
 
     def variants(self, images: Float[Tensor, "v h w 3"]) -> Float[Tensor, "k v h w 3"]:
@@ -291,37 +244,23 @@ def fine_schedule() -> Schedule:
     return Schedule(1 / (1 + (s * s.clamp_max(1) ** 2) ** 2))
 
 
-@dataclass(frozen=True)
-class Perturbation:
-    """How 2D editors differ from view to view, as standard deviations.
-
-    Single views of a detailed photo are then 23 to 26 dB from the unperturbed variant, which shows
-    when they are flicked through; the mean of four views comes back to 27 to 31 dB.
-    """
-
-    gain: float = 0.05
-    """Standard deviation of the factor on all values, about 1: exposures differ; three sigma are a
-    fifth of a stop."""
-    hue: float = 4.0
-    """Degrees about the grey axis: tints differ, names of colors do not."""
-    shift: float = 0.35
-    """Pixels along each axis: a latent cell is 8, so structure is placed to a fraction of it."""
-
-
-@dataclass(frozen=True)
-class Distribution:
-    """Sizes and widths of the distributions, in units of the noise unless stated."""
-
-    radius: float = 2.5
-    """Norm of the latent of a picture that is black or white everywhere, of any size: at the end of
-    the consensus window (s = 4), variants half as far apart are still less than one sigma apart."""
-    code: float = 4.5
-    """Norm of all codes of a picture. Measured with 4 views over 12 seeds: from 2 to 3.5 views with
-    few matches do not agree yet; from 6.5 on each view has chosen before consensus acts."""
-    width: float = 0.03
-    """w, standard deviation of a component in pixel values of [-1, 1]: below what is visible."""
-    share: float = 0.1
-    """a, the share of this edit in the image branch; agreement hardly depends on it."""
+GAIN, HUE, SHIFT = 0.05, 4.0, 0.35
+"""How 2D editors differ from view to view, as standard deviations: of the factor on all values,
+about 1 (exposures differ; three sigma are a fifth of a stop); degrees about the grey axis (tints
+differ, names of colors do not); pixels along each axis (a latent cell is 8). Single views of a
+detailed photo are then 23 to 26 dB from the unperturbed variant, which shows when they are flicked
+through; the mean of four views comes back to 27 to 31 dB."""
+RADIUS = 2.5
+"""Norm of the latent of a picture that is black or white everywhere, of any size, in units of the
+noise: at the end of the consensus window (s = 4), variants half as far apart are still less than
+one sigma apart."""
+CODE_NORM = 4.5
+"""Norm of all codes of a picture. Measured with 4 views over 12 seeds: from 2 to 3.5 views with few
+matches do not agree yet; from 6.5 on each view has chosen before consensus acts."""
+WIDTH = 0.03
+"""w, standard deviation of a component in pixel values of [-1, 1]: below what is visible."""
+SHARE = 0.1
+"""a, the share of this edit in the image branch; agreement hardly depends on it."""
 
 
 class Mixture(NamedTuple):
@@ -377,8 +316,8 @@ class Condition(NamedTuple):
 class ClosedForm:
     """The Denoiser: exact scores on a latent that is the picture itself, cell by cell."""
 
-    perturbation: Perturbation = Perturbation()
-    distribution: Distribution = Distribution()
+    spread: float = 1.0
+    """Factor of how much the edits of views differ."""
     schedule: Schedule = field(default_factory=fine_schedule)
     name: str = "closed-form"
     cell: int = CELL_PIXELS
@@ -410,25 +349,24 @@ class ClosedForm:
         self, originals: Float[Tensor, "v h w 3"], prompt: str, generator: torch.Generator
     ) -> Condition:
         """Draws the perturbation of each view and places the components. Raises UsageError."""
-        variants = perturb(parse(prompt).variants(originals), self.perturbation, generator)
+        variants = perturb(parse(prompt).variants(originals), self.spread, generator)
         base = self.encode(originals)
         offsets = torch.stack([self.encode(variant) for variant in variants]) - base
         offsets[:, :, -CODE:] = self._codes(base)[:, None]
-        width = self.distribution.width * self._scale(originals.shape[1:3].numel())
+        width = WIDTH * self._scale(originals.shape[1:3].numel())
         # weights pi_k such that from the noised original every variant is as likely as another, at
         # the first time of 20 steps at strength 0.98
         ab = self.schedule.alpha(932)
         variance = width**2 + (1 - ab) / ab
         energy = offsets.flatten(2).double().square().sum(-1).T
         log_weights = (energy / (2 * variance)).log_softmax(-1)
-        share = self.distribution.share
-        unedited = log_weights.new_full((len(base), 1), math.log1p(-share))
+        unedited = log_weights.new_full((len(base), 1), math.log1p(-SHARE))
         return Condition(
             Mixture(base, offsets, log_weights, width),
             Mixture(
                 base,
                 torch.cat((torch.zeros_like(offsets[:1]), offsets)),
-                torch.cat((unedited, log_weights + math.log(share)), 1),
+                torch.cat((unedited, log_weights + math.log(SHARE)), 1),
                 width,
             ),
         )
@@ -471,14 +409,12 @@ class ClosedForm:
         """The corners of a regular triangle about 0, the same in every cell."""
         y, x = latents.shape[2:]
         angles = 2 * torch.pi / VARIANTS * torch.arange(VARIANTS).to(latents)
-        corners = torch.stack((angles.cos(), angles.sin()), 1) * (
-            self.distribution.code / (y * x) ** 0.5
-        )
+        corners = torch.stack((angles.cos(), angles.sin()), 1) * (CODE_NORM / (y * x) ** 0.5)
         return corners[:, :, None, None].expand(-1, -1, y, x)
 
     def _scale(self, pixels: int) -> float:
         """Latent units per unit of a value in [-1, 1]."""
-        return self.distribution.radius / math.sqrt(3 * pixels)
+        return RADIUS / math.sqrt(3 * pixels)
 
 
 def _prior_mean(
@@ -494,20 +430,21 @@ def _prior_mean(
 
 
 def perturb(
-    variants: Float[Tensor, "k v h w 3"], perturbation: Perturbation, generator: torch.Generator
+    variants: Float[Tensor, "k v h w 3"], spread: float, generator: torch.Generator
 ) -> Float[Tensor, "k v h w 3"]:
     """Each view's own gain, hue and shift, the same for all its variants; in [0, 1]."""
     views = variants.shape[1]
-    draws = torch.randn(views, 4, generator=generator, dtype=torch.float64).to(variants)
-    gain = 1 + perturbation.gain * draws[:, 0]
+    draws = torch.randn(views, 4, generator=generator, dtype=torch.float64)
+    draws = spread * draws.to(variants)
+    gain = 1 + GAIN * draws[:, 0]
     turned = torch.stack(
         [
-            rotate_hue(images, perturbation.hue * float(angle))
+            rotate_hue(images, HUE * float(angle))
             for images, angle in zip(variants.unbind(1), draws[:, 1])
         ],
         1,
     )
-    shifted = torch.stack([_shift(images, perturbation.shift * draws[:, 2:]) for images in turned])
+    shifted = torch.stack([_shift(images, SHIFT * draws[:, 2:]) for images in turned])
     return (shifted * gain[:, None, None, None]).clamp(0, 1)
 
 

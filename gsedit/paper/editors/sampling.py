@@ -26,8 +26,7 @@ from gsedit.paper.diffusion.guidance import (
     needed,
     predict_guided,
 )
-from gsedit.paper.diffusion.memory import most_bytes
-from gsedit.paper.diffusion.precision import InBfloat16, with_precision
+from gsedit.paper.diffusion.precision import InBfloat16, most_bytes, with_precision
 from gsedit.paper.diffusion.sampler import Anchor, Hook, add_noise, sample
 from gsedit.paper.diffusion.settings import SamplerSettings
 from gsedit.paper.protocol import (

@@ -12,7 +12,7 @@ from typing import Any
 import torch
 
 from gsedit.errors import InputError, UsageError
-from gsedit.paper.diffusion.memory import GB, SHARE, free_bytes
+from gsedit.paper.diffusion.precision import GB, SHARE, free_bytes
 from gsedit.paper.diffusion.settings import Precision
 from gsedit.paper.models.hub import (
     INDEX,
