@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 
 class Row(NamedTuple):
-    """What a table says of a name."""
+    """The values of a name, and its parts in order."""
 
     values: dict[str, Any]
     parts: list[tuple[str, dict[str, Any]]]

@@ -67,9 +67,9 @@ class PairComparison:
 
     pictures: PicturesOf
     range: Range | None = None
-    """Of a warp. short: a view and the camera nearest to it. long: for targets every other pair
-    that shares 1 % of the pixels; for renders a held-out view and the nearest other one, which in a
-    capture taken in order is eight pictures away. None: of points."""
+    """Reach of a warp. short: a view and the camera nearest to it. long: for targets every other
+    pair that shares 1 % of the pixels; for renders a held-out view and the nearest other one, which
+    in a capture taken in order is eight pictures away. None: of points."""
     pairs: int
     """Pairs of views that were compared."""
     unedited: float
@@ -79,8 +79,8 @@ class PairComparison:
     interval: Interval | None = None
     """The interval of the excess over views."""
     counts: Mapping[str, float]
-    """Of a warp `compared`, the mean share of a view's pixels; else `points` and `matched`, the
-    points of every pair that the edit changed, and those changed or not."""
+    """Numbers of a warp: `compared`, the mean share of a view's pixels; else `points` and
+    `matched`, the points of every pair that the edit changed, and those changed or not."""
 
     @property
     def name(self) -> str:

@@ -214,11 +214,6 @@ def _outside_region(view: MeasuredView) -> Expected:
     return view.unedited, torch.stack([share < INSIDE for share in shares]).all(0)
 
 
-def _region_views(subject: EvaluationInput) -> range:
-    known = subject.region is not None and not subject.region.is_all
-    return _unedited_views(subject) if known else range(0)
-
-
 def _no_region(subject: EvaluationInput) -> str:
     if subject.unedited is None:
         return NO_UNEDITED
@@ -247,7 +242,9 @@ UNEDITED = Standard(
     lambda subject: NO_UNEDITED,
 )
 OUTSIDE_REGION = Standard(
-    _region_views,
+    lambda subject: (
+        () if subject.region is None or subject.region.is_all else _unedited_views(subject)
+    ),
     _outside_region,
     lambda subject, role: subject.region_is,
     _no_region,
