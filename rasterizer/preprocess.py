@@ -55,18 +55,23 @@ class Source(Protocol):
     @property
     def means(self) -> Float[Tensor, "n 3"]:
         """Positions of the centers, world units."""
+        ...
 
     def extents(self) -> Float[Tensor, " n"]:
         """At least the largest standard deviation of each, world units."""
+        ...
 
     def opacities(self) -> Float[Tensor, " n"]:
         """Opacities, each in [0, 1]."""
+        ...
 
     def log_opacities(self, rows: Int[Tensor, " m"]) -> Float[Tensor, " m"]:
         """Natural logarithms of the opacities."""
+        ...
 
     def colors(self, rows: Int[Tensor, " m"]) -> Float[Tensor, "m ..."]:
         """Spherical harmonics [m k 3], or features [m d]."""
+        ...
 
     def project(self, rows: Int[Tensor, " m"], camera: Camera, numerics: Numerics) -> Projected: ...
 

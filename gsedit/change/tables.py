@@ -39,4 +39,4 @@ def _value(text: str) -> str | bool | float | tuple[float, ...]:
     if text == "yes" or text.startswith("#"):
         return text == "yes" or text
     numbers = tuple(map(float, text.split(",")))
-    return numbers if len(numbers) > 1 else numbers[0]
+    return numbers if "," in text else numbers[0]

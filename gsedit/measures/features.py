@@ -22,6 +22,7 @@ class FeatureExtractor(Protocol):
 
     def __call__(self, images: Float[Tensor, "n 3 h w"]) -> list[Float[Tensor, "n c y x"]]:
         """The layers of `images`, which are in [0, 1]."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)

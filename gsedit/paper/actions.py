@@ -64,6 +64,7 @@ class Action(Protocol):
 
     def __call__(self, session: Session) -> Iterator[Event]:
         """Run the action; yields its events."""
+        ...
 
 
 @runtime_checkable
@@ -82,6 +83,7 @@ class Strategy(Protocol):
         found: an edit that is resumed skips those that are done. Chance belongs into the actions,
         from the generator of the request.
         """
+        ...
 
 
 class RollbackAction:

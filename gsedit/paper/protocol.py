@@ -150,22 +150,27 @@ class Editor(Protocol):
     @property
     def name(self) -> str:
         """Name of the editor, as in `--editor NAME`."""
+        ...
 
     @property
     def cell(self) -> int:
         """Pixels per latent cell: the grid on which correspondences are wanted."""
+        ...
 
     @property
     def capabilities(self) -> Capabilities:
         """Everything optional; `Capabilities()` if there is nothing to declare."""
+        ...
 
     def check(self, prompt: str) -> None:
         """Raise UsageError, with the next move, if this editor cannot follow the instruction."""
+        ...
 
     def edit(
         self, batch: EditBatch, settings: SamplerSettings, generator: torch.Generator
     ) -> Iterator[EditProgress]:
         """Edit the batch; yields at least once, the last item with the images."""
+        ...
 
 
 @runtime_checkable
@@ -175,26 +180,32 @@ class Autoencoder(Protocol):
     @property
     def cell(self) -> int:
         """Pixels per latent cell."""
+        ...
 
     @property
     def multiple(self) -> int:
         """Pixels, a multiple of `cell`: both sides of a picture to encode are multiples of it."""
+        ...
 
     @property
     def padding(self) -> PadMode:
         """How a picture is continued to such sides."""
+        ...
 
     def encode(self, images: Float[Tensor, "v h w 3"]) -> Float[Tensor, "v c y x"]:
         """Latents, scaled as the sampler wants them, of images in [0, 1]. Differentiable in the
         images, which may leave [0, 1] a little: score distillation descends through it."""
+        ...
 
     def encode_edited(
         self, images: Float[Tensor, "v h w 3"], originals: Float[Tensor, "v h w 3"], prompt: str
     ) -> Float[Tensor, "v c y x"]:
         """Latents of finished edits of these originals: what anchored views are held to."""
+        ...
 
     def decode(self, latents: Float[Tensor, "v c y x"]) -> Float[Tensor, "v h w 3"]:
         """Images, not clamped: the inverse of encode as far as there is one."""
+        ...
 
 
 @runtime_checkable
@@ -204,14 +215,17 @@ class Denoiser(Predictor, Autoencoder, Protocol):
     @property
     def capabilities(self) -> Capabilities:
         """Everything optional, without `denoiser`."""
+        ...
 
     def check(self, prompt: str) -> None:
         """Raise UsageError, with the next move, for an instruction it cannot follow."""
+        ...
 
     def condition(
         self, originals: Float[Tensor, "v h w 3"], prompt: str, generator: torch.Generator
     ) -> Any:
         """Whatever `branches` needs and no step changes; computed once for the views."""
+        ...
 
 
 def levels_for(

@@ -65,9 +65,11 @@ class MaskProvider(Protocol):
     @property
     def name(self) -> str:
         """Name by which it is chosen."""
+        ...
 
     def check(self, phrase: str) -> None:
         """Raise UsageError for a phrase that it cannot look for, before any picture is made."""
+        ...
 
     def masks(
         self, pictures: Sequence[Float[Tensor, "_ _ 3"]], phrase: str
@@ -76,6 +78,7 @@ class MaskProvider(Protocol):
 
         Pictures are in [0, 1]. A picture that does not show it has a map of zeros.
         """
+        ...
 
 
 def find_masked(

@@ -131,14 +131,17 @@ class Predictor(Protocol):
     @property
     def name(self) -> str:
         """Named in error messages."""
+        ...
 
     @property
     def schedule(self) -> Schedule:
         """The noise levels it was trained at."""
+        ...
 
     @property
     def predicts(self) -> Prediction:
         """The quantity that `branches` returns."""
+        ...
 
     def branches(
         self, x: Float[Tensor, "v c y x"], t: float, condition: Any, need: Need
@@ -147,6 +150,7 @@ class Predictor(Protocol):
 
         `t` is a training step, between two of them where the schedule is interpolated.
         """
+        ...
 
 
 class Around:

@@ -60,6 +60,7 @@ class Runtime(Protocol):
 
     def __call__(self, forward: Forward, network: Any, *inputs: Tensor) -> Tensor:
         """The result of `forward(network, *inputs)`."""
+        ...
 
 
 def in_torch(forward: Forward, network: Any, *inputs: Tensor) -> Tensor:
