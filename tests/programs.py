@@ -10,7 +10,7 @@ import torch
 
 from gsedit.paper.diffusion.settings import SamplerSettings
 from gsedit.paper.editors import EditBatch
-from gsedit.paper.editors.command.editor import Command
+from gsedit.paper.editors.command import Command
 
 APART = SamplerSettings(consensus=False)
 INVERT = """

@@ -153,7 +153,7 @@ def _renders(runs: int, generator, counts: Counter[str]) -> None:
     import torch
     from scenes import EDGE_CASES
 
-    from gsedit.bench.renderer.edge_cases import EDGE_CASES as EXTREMES
+    from gsedit.bench.renderer.stability import EDGE_CASES as EXTREMES
     from rasterizer import Numerics
 
     for make in EDGE_CASES.values():
@@ -171,7 +171,7 @@ def _random_render(generator):
     """A scene of up to 300 Gaussians with numbers of any size, a camera, and settings."""
     import torch
 
-    from gsedit.bench.renderer.edge_cases import camera as camera_of
+    from gsedit.bench.renderer.stability import camera as camera_of
     from rasterizer import Gaussians, Numerics
 
     def pick(*choices):

@@ -1,7 +1,7 @@
 """Small Gaussian scenes for the laws of the renderer, each with the reason why it is here.
 
 All float64, and none by a global draw. A camera looks along +z from the origin unless it says so.
-The stiff and extreme ones are in gsedit/bench/renderer/edge_cases.py.
+The stiff and extreme ones are in gsedit/bench/renderer/stability.py.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from math import sqrt
 
 import torch
 
-from gsedit.bench.renderer.edge_cases import camera, gaussian, random_cloud
+from gsedit.bench.renderer.stability import camera, gaussian, random_cloud
 from rasterizer import Camera, Gaussians, concatenate
 from rasterizer.numerics import DEFAULT, SH_DC
 

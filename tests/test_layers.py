@@ -32,7 +32,7 @@ ORDER = {
         "errors",
     ),
     "rasterizer": (
-        "reference", "rasterization", "gsplat_inputs",
+        "reference", "rasterization",
         "render", "color_weights",
         "cpp_projection", "splat",
         "preprocess", "checks",

@@ -10,11 +10,8 @@ from typing import TYPE_CHECKING, TypeVar
 import typer
 
 from ..core.command import VerbCommand, as_command, option, parameters_of
-from ..core.console import print_message, print_result
-from ..core.exits import Interrupted
-from ..core.outputs import check_folder
+from ..core.console import print_result
 from ..core.progress import progress
-from ..options.common import Writes
 
 if TYPE_CHECKING:
     from gsedit.run.events import Event
@@ -22,16 +19,6 @@ if TYPE_CHECKING:
 bench = typer.Typer(no_args_is_help=True, add_completion=False, rich_markup_mode=None)
 
 Row = TypeVar("Row")
-
-
-@dataclass(frozen=True)
-class StabilityOptions(Writes):
-    """Options of `gsedit bench stability`."""
-
-    out: Path = option(Path("out/stability"), "PATH", flags="--output -o")
-    """Folder for the results."""
-    quick: bool = option(False)
-    """A short run: fewer and smaller cases."""
 
 
 @dataclass(frozen=True)
@@ -47,21 +34,15 @@ def bench_() -> None:
     """Measure the renderer on this machine."""
 
 
-def stability(*, own: StabilityOptions) -> None:
+def stability() -> None:
     """Draw extreme inputs one by one, and print the errors, or the message of a refusal.
 
-    Writes stability.jsonl and stability.md.
-
-    gsedit bench stability -o out/stability
+    gsedit bench stability
     """
-    check_folder(own.out, own.force)
+    from gsedit.bench.renderer.stability import measurements, table
 
-    from gsedit.bench.renderer.stability import ROWS_FILE, stability_to_folder, table
-
-    items = stability_to_folder(own.out, quick=own.quick)
-    rows = collect(items, own.out / ROWS_FILE)
-    print_message(f"{len(rows)} cases are in {own.out}")
-    print_result({"folder": own.out, "rows": rows}, table(rows))
+    rows = collect(measurements())
+    print_result({"rows": rows}, table(rows))
 
 
 def targets(*, own: TargetOptions) -> None:
@@ -71,7 +52,6 @@ def targets(*, own: TargetOptions) -> None:
 
     gsedit bench targets --points garden.npz
     """
-
     from gsedit.bench.renderer.speed import measure_targets, table
 
     rows = collect(measure_targets(own.points))
@@ -83,24 +63,15 @@ for verb in (targets, stability):
     bench.command(cls=VerbCommand)(as_command(verb, parameters_of(verb), verb))
 
 
-def collect(items: Iterator[Event | Row], path: Path | None = None) -> list[Row]:
-    """The rows of a benchmark; its events are shown meanwhile.
-
-    `path`: where an interruption leaves the rows.
-    """
+def collect(items: Iterator[Event | Row]) -> list[Row]:
+    """The rows of a benchmark; its events are shown meanwhile."""
     from gsedit.run.events import Event
 
     rows: list[Row] = []
-    try:
-        with progress() as show:
-            for item in items:
-                if isinstance(item, Event):
-                    show(item)
-                else:
-                    rows.append(item)
-    except KeyboardInterrupt:
-        if path is None:
-            raise
-        remains = f"{len(rows)} rows are in {path}" if rows else "nothing was measured yet"
-        raise Interrupted(f"interrupted; {remains}") from None
+    with progress() as show:
+        for item in items:
+            if isinstance(item, Event):
+                show(item)
+            else:
+                rows.append(item)
     return rows

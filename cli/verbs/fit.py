@@ -8,8 +8,7 @@ from math import ceil
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from gsedit.capture.fitting.budget import LEAST_STEPS
-from gsedit.capture.fitting.settings import QUALITIES, FitSettings
+from gsedit.capture.fitting.settings import LEAST_STEPS, QUALITIES, FitSettings
 
 from ..core.checkpoints import Checkpoints, Resumes, load_resume_state, say_threads
 from ..core.command import (

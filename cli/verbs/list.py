@@ -188,7 +188,7 @@ def list_styles(scene: Path | None, own: ListOptions) -> None:
 def show_styles(scene: Path, own: ListOptions) -> None:
     """Write a sheet of the painting styles on a view of a scene."""
     from gsedit.formats.pictures import save_picture
-    from gsedit.paper.editors.painter.style_sheet import CELL, style_sheet
+    from gsedit.paper.editors.painter.editor import SHEET_CELL, style_sheet
 
     if own.out is None:
         raise UsageError(
@@ -196,7 +196,7 @@ def show_styles(scene: Path, own: ListOptions) -> None:
         )
     check_file(own.out, own.force, ".png")
     gaussians = load_scene(scene, drop_invalid=False)
-    found = resolve_cameras(scene, gaussians, ViewOptions(size=CELL))
+    found = resolve_cameras(scene, gaussians, ViewOptions(size=SHEET_CELL))
     save_picture(style_sheet(gaussians, found.viewpoints), own.out, overwrite=own.force)
     print_result({"scene": scene, "output": own.out}, str(own.out))
 

@@ -130,16 +130,6 @@ def of_file(source: SceneSource) -> dict[str, Any]:
     }
 
 
-@dataclass(frozen=True, eq=False)
-class Pair:
-    """Two scenes, and how they are looked at."""
-
-    paths: tuple[Path, Path]
-    scenes: tuple[Gaussians, Gaussians]
-    numerics: tuple[Numerics, Numerics]
-    viewpoints: tuple[Viewpoint, ...]
-
-
 @dataclass(frozen=True)
 class DiffOptions(Reads, Writes):
     """Options of `gsedit diff` alone."""
@@ -175,28 +165,21 @@ def diff(
     from gsedit.toolkit.differences import diff as compared
 
     say_kernel(with_values(Execution(), values))
-    pair = read_pair((scene, other), own, cameras)
+    names = scene, other
+    files = [load_file(path, drop_invalid=own.drop_invalid) for path in names]
+    before, after = (file.scene for file in files)
+    how = numerics_of(files[0], scene), numerics_of(files[1], other)
+    views = views_of(*names, before, cameras, own.count)
     with counting("compare") as tell:
-        result = compared(*pair.scenes, pair.viewpoints, numerics=pair.numerics, progress=tell)
+        result = compared(before, after, views, numerics=how, progress=tell)
     if own.out is not None:
-        draw(result, pair, own.out, own.force)
+        draw(result, names, tuple(zip((before, after), how)), views, own)
         print_message(f"the picture is {own.out}")
     if as_json.get():
         record = {**asdict(result), "quantiles": QUANTILES, "worst_view": result.worst.name}
         print_json("diff", {"files": [scene, other], **record})
     else:
         typer.echo(shown(difference_table(result, (scene, other))))
-
-
-def read_pair(paths: tuple[Path, Path], own: DiffOptions, cameras: ViewOptions) -> Pair:
-    """Read both scenes, and place the views."""
-    before, after = (load_file(path, drop_invalid=own.drop_invalid) for path in paths)
-    return Pair(
-        paths,
-        (before.scene, after.scene),
-        (numerics_of(before, paths[0]), numerics_of(after, paths[1])),
-        views_of(*paths, before.scene, cameras, own.count),
-    )
 
 
 def views_of(
@@ -213,7 +196,13 @@ def views_of(
     return tuple(resolved.viewpoints[index] for index in chosen)
 
 
-def draw(result: SceneDifference, pair: Pair, out: Path, force: bool) -> None:
+def draw(
+    result: SceneDifference,
+    names: tuple[Path, Path],
+    scenes: Sequence[tuple[Gaussians, Numerics]],
+    viewpoints: Sequence[Viewpoint],
+    own: DiffOptions,
+) -> None:
     """Write the picture: the worst view, and evenly spaced ones of the others."""
     from gsedit.pictures.contact_sheet import difference_picture
     from gsedit.scene.picture import render_picture
@@ -222,13 +211,14 @@ def draw(result: SceneDifference, pair: Pair, out: Path, force: bool) -> None:
     worst = result.views.index(result.worst)
     others = [index for index in range(len(result.views)) if index != worst]
     chosen = [worst, *(others[i] for i in evenly_spaced(len(others), 3))]
-    views = [pair.viewpoints[index] for index in chosen]
+    views = [viewpoints[index] for index in chosen]
     before, after = (
-        [View(each.name, each.camera, render_picture(scene, each.camera, own)) for each in views]
-        for scene, own in zip(pair.scenes, pair.numerics)
+        [View(each.name, each.camera, render_picture(scene, each.camera, how)) for each in views]
+        for scene, how in scenes
     )
-    first = f"{pair.paths[0].name}, the worst view first: {result.worst.psnr:.1f} dB"
-    difference_picture(before, after, (first, pair.paths[1].name), out, overwrite=force)
+    first = f"{names[0].name}, the worst view first: {result.worst.psnr:.1f} dB"
+    assert own.out is not None
+    difference_picture(before, after, (first, names[1].name), own.out, overwrite=own.force)
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from gsedit.measures.against import Reference
     from gsedit.measures.agreement import Pictures
-    from gsedit.measures.evaluation_input import EvaluationInput
+    from gsedit.measures.metrics import EvaluationInput
     from gsedit.select.region import Region
     from gsedit.views.view_list_files import ViewList
     from rasterizer.scene import Gaussians
@@ -42,31 +42,11 @@ Scene = Annotated[
 
 
 @dataclass(frozen=True)
-class Outputs(Writes):
-    """The files of a measurement besides what is printed."""
+class MetricsOptions(Writes, Data):
+    """Options of `gsedit metrics`: what a scene is measured against and at, and the files."""
 
     out: Path | None = option(None, "PATH", flags="--output -o")
     """JSON file to write the record to."""
-    picture: Path | None = option(None, "FILE.png")
-    """Also draw the views side by side, with their differences."""
-
-
-@dataclass(frozen=True)
-class ListedViews(Data):
-    """Views at which a scene is measured."""
-
-    views: Path | None = option(None, "FILE.json")
-    """List of views to measure at, see --save-views."""
-    save_views: Path | None = option(None, "FILE.json")
-    """Write the list of views, for others to measure the same."""
-    size: int | None = option(None, "PIXELS", min=16)
-    """Longer side of the views at most; listed ones keep theirs otherwise, others have 256."""
-
-
-@dataclass(frozen=True)
-class MetricsOptions:
-    """Options of `gsedit metrics` alone."""
-
     against: Path | None = option(None, "SCENE|FOLDER")
     """The unedited scene; or the folder of an edit (its unedited scene, region, views and edited
     pictures); or photos (nerfstudio or COLMAP); or pictures named after the views."""
@@ -76,6 +56,14 @@ class MetricsOptions:
     subject_masks: Path | None = option(None, "FOLDER")
     """Masks that the edit did not know, to measure outside of: a PNG named after each view that has
     one, white where the edit belongs."""
+    views: Path | None = option(None, "FILE.json")
+    """List of views to measure at, see --save-views."""
+    save_views: Path | None = option(None, "FILE.json")
+    """Write the list of views, for others to measure the same."""
+    size: int | None = option(None, "PIXELS", min=16)
+    """Longer side of the views at most; listed ones keep theirs otherwise, others have 256."""
+    picture: Path | None = option(None, "FILE.png")
+    """Also draw the views side by side, with their differences."""
 
 
 @shows(
@@ -87,8 +75,6 @@ def metrics(
     *,
     reads: Reads,
     own: MetricsOptions,
-    outputs: Outputs,
-    listed: ListedViews,
     values: Annotated[Values, Settings(render_settings)],
 ) -> None:
     """Measure a scene against the unedited one, edited pictures or photos.
@@ -103,30 +89,30 @@ def metrics(
     """
     scene, reference = what_to_measure(scene, own.against)
     for path, suffix in (
-        (outputs.out, ".json"), (listed.save_views, ".json"), (outputs.picture, ".png"),
+        (own.out, ".json"), (own.save_views, ".json"), (own.picture, ".png"),
     ):  # fmt: skip
-        check_file(path, outputs.force, suffix)
+        check_file(path, own.force, suffix)
 
     from gsedit.measures.against import resolve_reference
     from gsedit.views.view_list_files import write_view_list
 
     found = resolve_reference(reference)
-    check_views(found, listed)
+    check_views(found, own)
     say_kernel(with_values(Execution(), values))
-    subject = gather(scene, found, own, listed, reads.drop_invalid)
-    if listed.save_views is not None:
-        write_view_list(subject.views, listed.save_views, overwrite=outputs.force)
-        print_message(f"the list of views is {listed.save_views}")
+    subject = gather(scene, found, own, reads.drop_invalid)
+    if own.save_views is not None:
+        write_view_list(subject.views, own.save_views, overwrite=own.force)
+        print_message(f"the list of views is {own.save_views}")
     request = {
         "scene": scene, "against": found.path, "against_is": found.kind, "region": own.region,
         "subject_masks": own.subject_masks,
-        "listed_views": listed.views, "size": listed.size,
+        "listed_views": own.views, "size": own.size,
     }  # fmt: skip
-    measure_and_show(subject, found, request, outputs)
+    measure_and_show(subject, found, request, own)
 
 
 def measure_and_show(
-    subject: EvaluationInput, against: Reference, request: dict[str, Any], outputs: Outputs
+    subject: EvaluationInput, against: Reference, request: dict[str, Any], own: MetricsOptions
 ) -> None:
     """Measure, write the files, and print the table or the record."""
     from gsedit.measures.evaluation import evaluate, evaluation_record, evaluation_table
@@ -136,12 +122,12 @@ def measure_and_show(
     with counting("measure") as tell:
         evaluation = evaluate(subject, tell)
     record = evaluation_record(evaluation, request, against)
-    if outputs.out is not None:
-        write_record(record, outputs.out, overwrite=outputs.force)
-        print_message(f"the record is {outputs.out}")
-    if outputs.picture is not None:
-        difference_sheet(subject, outputs.picture, against.targets, overwrite=outputs.force)
-        print_message(f"the pictures are {outputs.picture}")
+    if own.out is not None:
+        write_record(record, own.out, overwrite=own.force)
+        print_message(f"the record is {own.out}")
+    if own.picture is not None:
+        difference_sheet(subject, own.picture, against.targets, overwrite=own.force)
+        print_message(f"the pictures are {own.picture}")
     if as_json.get():
         print_json("metrics", record)
     else:
@@ -167,29 +153,29 @@ def what_to_measure(scene: Path, against: Path | None) -> tuple[Path, Path]:
     return scene, against
 
 
-def check_views(against: Reference, listed: ListedViews) -> None:
+def check_views(against: Reference, own: MetricsOptions) -> None:
     """Raise UsageError where the views are given twice, or nothing says what pictures show."""
-    if listed.data is not None and (listed.views is not None or against.kind in ("edit", "photos")):
-        giver = "--views" if listed.views is not None else f"--against {against.path}"
+    if own.data is not None and (own.views is not None or against.kind in ("edit", "photos")):
+        giver = "--views" if own.views is not None else f"--against {against.path}"
         raise UsageError(f"{giver} already says which views: leave out --data")
-    if against.kind == "pictures" and listed.data is None and listed.views is None:
+    if against.kind == "pictures" and own.data is None and own.views is None:
         raise UsageError(
             f"nothing says from where the pictures in {against.path} were taken: add --views with "
             "a list of views, or --data with the photos' folder"
         )
-    if against.kind == "edit" and against.views is None and listed.views is None:
+    if against.kind == "edit" and against.views is None and own.views is None:
         raise UsageError(
             f"{against.path} has neither views.json nor cameras.json: add --views with a list"
         )
 
 
 def gather(
-    path: Path, against: Reference, own: MetricsOptions, listed: ListedViews, drop_invalid: bool
+    path: Path, against: Reference, own: MetricsOptions, drop_invalid: bool
 ) -> EvaluationInput:
     """Read everything that is measured."""
     from gsedit.capture.matches import match_pictures
     from gsedit.measures.against import find_alone
-    from gsedit.measures.evaluation_input import REGION_IS, EvaluationInput
+    from gsedit.measures.metrics import REGION_IS, EvaluationInput
     from gsedit.select.masked import read_masks
 
     drawn = own.subject_masks
@@ -198,7 +184,7 @@ def gather(
     if against.unedited is not None:
         unedited = load_scene(against.unedited, drop_invalid=drop_invalid or against.drop_invalid)
     known, after = regions_of(against, own.region, unedited, scene)
-    views, targets, masks = place_views(path, scene, against, unedited, listed)
+    views, targets, masks = place_views(path, scene, against, unedited, own)
     return EvaluationInput(
         scene,
         views,
@@ -258,7 +244,7 @@ def place_views(
     scene: Gaussians,
     against: Reference,
     unedited: Gaussians | None,
-    listed: ListedViews,
+    own: MetricsOptions,
 ) -> tuple[ViewList, Pictures, Mapping[int, Tensor]]:
     """The views, the pictures that the scene should show at them, and the masks of these."""
     from gsedit.measures.against import find_pictures, resized
@@ -266,12 +252,12 @@ def place_views(
     from gsedit.views.view_list_files import by_capture, read_view_list, with_roles_of
     from gsedit.views.viewpoints import rendered, viewpoints_of
 
-    given = read_view_list(listed.views) if listed.views is not None else against.views
-    size = listed.size or 256  # as of `gsedit edit`
+    given = read_view_list(own.views) if own.views is not None else against.views
+    size = own.size or 256  # as of `gsedit edit`
     if given is not None and against.kind != "photos":
-        views = resized(given, listed.size)
+        views = resized(given, own.size)
         return views, find_pictures(against, views), {}
-    of_photos = against.path if against.kind == "photos" else listed.data
+    of_photos = against.path if against.kind == "photos" else own.data
     # cameras beside the unedited scene: those of edited ones may differ from edit to edit
     beside_own = against.kind != "scene" or (cameras_file(path) and not cameras_file(against.path))
     place, seen = (path, scene) if beside_own or unedited is None else (against.path, unedited)

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import numpy as np
     import torch
 
-    from gsedit.pictures.frames import Animation
+    from gsedit.pictures.animations import Animation
     from rasterizer.camera import Camera
     from rasterizer.scene import Gaussians
 
@@ -60,23 +60,6 @@ class RenderOptions(Reads, Writes):
     """The instruction that --region auto is for."""
     editor: str = option("painter", flags=None)
     """The 2D editor that --region auto asks."""
-
-    @property
-    def kind(self) -> Kind:
-        """Kind of output that -o names by its suffix. Raises UsageError for others."""
-        suffix = self.out.suffix.lower()
-        if suffix in OTHERS:
-            raise UsageError(
-                f"-o {self.out}: name a folder, a picture ({', '.join(STILLS)}) or an animation "
-                f"({', '.join(ANIMATIONS)})"
-            )
-        return "still" if suffix in STILLS else "animation" if suffix in ANIMATIONS else "folder"
-
-
-@dataclass(frozen=True)
-class PathOptions:
-    """A path of cameras instead of single views."""
-
     path: PathKind | None = option()
     """turntable: a full turn around the point that the cameras look at. orbit: from the middle of
     the cameras to both ends and back. spline: through at most 24 cameras. None: turntable for .mp4
@@ -89,33 +72,6 @@ class PathOptions:
     """Degrees between the ends of an orbit. None: 60."""
     elevation: float | None = option(None, flags=None, min=-89, max=89)
     """Degrees above the horizon, of turntable and orbit. None: the cameras' median."""
-
-    def taken(self, kind: Kind) -> PathKind | None:
-        """Return the path for a kind of output, None for single views."""
-        return self.path or ("turntable" if kind == "animation" else None)
-
-    def check(self, kind: Kind, out: Path) -> None:
-        """Raise UsageError for options of a path that would change nothing."""
-        given = {name for name, value in vars(self).items() if value is not None}
-        taken = self.taken(kind)
-        if kind == "still" and taken:
-            raise UsageError(f"-o {out} is one picture: name .mp4, .gif or a folder for --path")
-        if taken is None and (unused := given & {"frames", "arc", "elevation"}):
-            raise UsageError(
-                f"--{min(unused)} is for a path of cameras: add --path, or name an .mp4 or a .gif"
-            )
-        if "arc" in given and taken != "orbit":
-            raise UsageError("--arc is for --path orbit: add it, or leave --arc out")
-        if "elevation" in given and taken == "spline":
-            raise UsageError("elevation is for turntable and orbit: a spline keeps to the cameras")
-        if "fps" in given and kind != "animation":
-            raise UsageError(f"--fps is for .mp4 and .gif, not for -o {out}")
-
-
-@dataclass(frozen=True)
-class PictureOptions:
-    """Maps to show, and how pictures are written."""
-
     show: str = option("color", "MAPS")
     """Maps to show, separated by commas: color, depth (along the view, in scene units, where the
     transmittance falls to 0.5), normals (x right, y up, z towards the viewer), alpha."""
@@ -133,6 +89,40 @@ class PictureOptions:
     """Quality of .mp4: 0 is the best and largest, 51 the worst. None: 18."""
 
     @property
+    def kind(self) -> Kind:
+        """Kind of output that -o names by its suffix. Raises UsageError for others."""
+        suffix = self.out.suffix.lower()
+        if suffix in OTHERS:
+            raise UsageError(
+                f"-o {self.out}: name a folder, a picture ({', '.join(STILLS)}) or an animation "
+                f"({', '.join(ANIMATIONS)})"
+            )
+        return "still" if suffix in STILLS else "animation" if suffix in ANIMATIONS else "folder"
+
+    @property
+    def taken(self) -> PathKind | None:
+        """The path for the kind of output; None for single views."""
+        return self.path or ("turntable" if self.kind == "animation" else None)
+
+    def check_path(self) -> None:
+        """Raise UsageError for options of a path that would change nothing."""
+        options = ("frames", "fps", "arc", "elevation")
+        given = {name for name in options if getattr(self, name) is not None}
+        kind, taken, out = self.kind, self.taken, self.out
+        if kind == "still" and taken:
+            raise UsageError(f"-o {out} is one picture: name .mp4, .gif or a folder for --path")
+        if taken is None and (unused := given & {"frames", "arc", "elevation"}):
+            raise UsageError(
+                f"--{min(unused)} is for a path of cameras: add --path, or name an .mp4 or a .gif"
+            )
+        if "arc" in given and taken != "orbit":
+            raise UsageError("--arc is for --path orbit: add it, or leave --arc out")
+        if "elevation" in given and taken == "spline":
+            raise UsageError("elevation is for turntable and orbit: a spline keeps to the cameras")
+        if "fps" in given and kind != "animation":
+            raise UsageError(f"--fps is for .mp4 and .gif, not for -o {out}")
+
+    @property
     def maps(self) -> tuple[MapName, ...]:
         """The names of the maps to show. Raises UsageError for another name."""
         names = self.show.split(",")
@@ -142,7 +132,7 @@ class PictureOptions:
         return tuple(dict.fromkeys(names))  # pyright: ignore[reportReturnType]
 
     @property
-    def size(self) -> tuple[int, int] | None:
+    def exact_size(self) -> tuple[int, int] | None:
         """(width, height) of --resolution. Raises UsageError."""
         if self.resolution is None:
             return None
@@ -175,10 +165,10 @@ class PictureOptions:
             )
         return torch.tensor(levels) / 255
 
-    def check(self, kind: Kind, out: Path) -> None:
-        """Raise UsageError for options that do not go together, or not with `out`."""
-        maps, suffix = self.maps, out.suffix.lower()
-        _ = self.background_color(), self.size  # they raise
+    def check_pictures(self) -> None:
+        """Raise UsageError for options that do not go together, or not with -o."""
+        kind, out, maps, suffix = self.kind, self.out, self.maps, self.out.suffix.lower()
+        _ = self.background_color(), self.exact_size  # they raise
         if kind != "folder" and self.format != "png":
             raise UsageError(f"--format is for folders: -o {out} says it by its suffix")
         if suffix == ".npy" and len(maps) > 1:
@@ -211,8 +201,6 @@ def render(
     *,
     own: RenderOptions,
     cameras: ViewOptions,
-    path: PathOptions,
-    pictures: PictureOptions,
     values: Annotated[Values, Settings(render_settings)],
 ) -> None:
     """Render pictures of a scene, or an animation along a path.
@@ -226,14 +214,14 @@ def render(
     The cameras come from --data, else from the cameras.json beside the scene, else from viewpoints
     that gsedit finds.
     """
-    check(scene, own, cameras, path, pictures)
+    check(scene, own, cameras)
 
-    from gsedit.pictures.frames import Animation
+    from gsedit.pictures.animations import Animation
 
     kind = own.kind
-    gaussians, second, numerics = read_scenes(scene, pictures.wipe, drop_invalid=own.drop_invalid)
+    gaussians, second, numerics = read_scenes(scene, own.wipe, drop_invalid=own.drop_invalid)
     say_kernel(with_values(Execution(), values))
-    moving = path.taken(kind)
+    moving = own.taken
     wanted = own.count or (COUNT if kind == "folder" else 1)
     searched = FOUND_VIEWS if moving or own.region is not None else wanted
     resolved = resolve_cameras(scene, gaussians, cameras, searched)
@@ -241,31 +229,25 @@ def render(
         gaussians = tint(gaussians, own.region, resolved, own.editor, own.prompt or "")
     named = resolved.named(numbers_of(resolved, own.views, None if moving else wanted))
     if moving:
-        named = follow(moving, list(named.values()), gaussians, path, cameras)
-    shots = tuple(sized(camera, pictures, own.out) for camera in named.values())
-    seen = pictures.maps, second, moving is not None, pictures.background_color()
+        named = follow(moving, list(named.values()), gaussians, own, cameras)
+    shots = tuple(sized(camera, own) for camera in named.values())
+    seen = own.maps, second, moving is not None, own.background_color()
     animation = Animation(gaussians, shots, *seen, numerics)
-    write(animation, list(named), own, path.fps or FPS, pictures)
+    write(animation, list(named), own)
 
 
-def check(
-    scene: Path,
-    own: RenderOptions,
-    cameras: ViewOptions,
-    path: PathOptions,
-    pictures: PictureOptions,
-) -> None:
+def check(scene: Path, own: RenderOptions, cameras: ViewOptions) -> None:
     """Raise UsageError for what makes no sense, and GseditError for a missing encoder, before a
     large file is read."""
     kind = own.kind
-    path.check(kind, own.out)
-    pictures.check(kind, own.out)
+    own.check_path()
+    own.check_pictures()
     if kind == "animation":
         from gsedit.pictures.animations import check_format
 
-        check_format(own.out, path.fps or FPS)
-    check_views(own, scene, cameras, path)
-    check_region(own.region, own.prompt, pictures)
+        check_format(own.out, own.fps or FPS)
+    check_views(own, scene, cameras)
+    check_region(own)
     cameras.check()
     (check_folder if kind == "folder" else check_file)(own.out, own.force)
 
@@ -307,7 +289,7 @@ def follow(
     kind: PathKind,
     cameras: Sequence[Camera],
     scene: Gaussians,
-    path: PathOptions,
+    own: RenderOptions,
     options: ViewOptions,
 ) -> dict[str, Camera]:
     """The cameras along a path, by the names of their pictures."""
@@ -321,30 +303,30 @@ def follow(
     along = camera_path(
         kind,
         cameras,
-        path.frames or FRAMES,
+        own.frames or FRAMES,
         up=options.wish().up,
-        elevation=path.elevation,
-        arc=path.arc or ARC,
+        elevation=own.elevation,
+        arc=own.arc or ARC,
         fallback=bounds(scene),
     )
     return {f"frame_{index:04d}": camera for index, camera in enumerate(along)}
 
 
-def sized(camera: Camera, pictures: PictureOptions, out: Path) -> Camera:
+def sized(camera: Camera, own: RenderOptions) -> Camera:
     """The camera at the size and zoom that were asked for; with even sides for an MP4."""
     from gsedit.views.viewpoints import framed
 
-    if pictures.size is not None:
-        camera = framed(camera, *pictures.size)
-    if pictures.zoom != 1:
-        camera = replace(camera, fx=camera.fx * pictures.zoom, fy=camera.fy * pictures.zoom)
-    if out.suffix.lower() == ".mp4":  # cut off by a pixel
+    if own.exact_size is not None:
+        camera = framed(camera, *own.exact_size)
+    if own.zoom != 1:
+        camera = replace(camera, fx=camera.fx * own.zoom, fy=camera.fy * own.zoom)
+    if own.out.suffix.lower() == ".mp4":  # cut off by a pixel
         width, height = camera.width // 2 * 2, camera.height // 2 * 2
         camera = replace(camera, width=max(2, width), height=max(2, height))
     return camera
 
 
-def check_views(own: RenderOptions, scene: Path, options: ViewOptions, path: PathOptions) -> None:
+def check_views(own: RenderOptions, scene: Path, options: ViewOptions) -> None:
     """Raise UsageError for numbers of views where there is no capture, or a number of views where
     there is one picture or a path."""
     from gsedit.views.cameras_json import cameras_file
@@ -356,14 +338,15 @@ def check_views(own: RenderOptions, scene: Path, options: ViewOptions, path: Pat
             "--views names views of a capture: add --data DATASET, or put its cameras.json beside "
             "the scene, or use --count"
         )
-    if own.count is not None and (path.taken(kind) or kind == "still"):
+    if own.count is not None and (own.taken or kind == "still"):
         raise UsageError("--count is for views in a folder: a path has --frames")
     if views is not None and len(parse_indices(views)) > 1 and kind == "still":
         raise UsageError(f"--views {views}: name a folder for several pictures")
 
 
-def check_region(region: str | None, prompt: str | None, pictures: PictureOptions) -> None:
+def check_region(own: RenderOptions) -> None:
     """Raise UsageError for a region that is none, needs an instruction, or meets a wipe."""
+    region, prompt = own.region, own.prompt
     if region is None:
         if prompt is not None:
             raise UsageError("--prompt is for --region auto: add it, or leave the prompt out")
@@ -375,7 +358,7 @@ def check_region(region: str | None, prompt: str | None, pictures: PictureOption
         raise UsageError(
             "--region auto depends on the instruction: add --prompt 'turn it into bronze'"
         )
-    if pictures.wipe is not None:
+    if own.wipe is not None:
         raise UsageError("--region tints one scene: leave out --wipe")
 
 
@@ -399,22 +382,16 @@ def tint(
     return tinted(scene, found.inside)
 
 
-def write(
-    animation: Animation,
-    names: Sequence[str],
-    own: RenderOptions,
-    fps: float,
-    pictures: PictureOptions,
-) -> None:
+def write(animation: Animation, names: Sequence[str], own: RenderOptions) -> None:
     """Write an animation, one picture, or a folder, as the suffix of -o says; print what was
     written."""
     from gsedit.pictures.animations import write_gif, write_mp4
 
-    count, out = len(animation), own.out
+    count, out, fps = len(animation), own.out, own.fps or FPS
     with counting("render") as tell:
         if own.kind != "animation":
             for index, name in enumerate(names):
-                for path in write_view(animation, index, name, own, pictures):
+                for path in write_view(animation, index, name, own):
                     print_result({"picture": path}, str(path))
                 tell(index + 1, count)
             if own.kind == "folder":
@@ -424,7 +401,7 @@ def write(
         if out.suffix.lower() == ".gif":
             write_gif(frames, out, fps, overwrite=own.force)
         else:
-            crf = CRF if pictures.crf is None else pictures.crf
+            crf = CRF if own.crf is None else own.crf
             write_mp4(frames, out, fps, crf=crf, overwrite=own.force)
         record = {"animation": out, "frames": count, "fps": fps, "bytes": out.stat().st_size}
         print_result(record, str(out))
@@ -438,9 +415,7 @@ def tracked(animation: Animation, tell: Callable[[int, int], None]) -> Iterator[
         tell(step, len(animation))
 
 
-def write_view(
-    animation: Animation, index: int, name: str, own: RenderOptions, pictures: PictureOptions
-) -> list[Path]:
+def write_view(animation: Animation, index: int, name: str, own: RenderOptions) -> list[Path]:
     """Write the files of one view into a folder, or its one file; return their paths."""
     from PIL import Image
 
@@ -454,11 +429,11 @@ def write_view(
         save_picture(Image.fromarray(animation.frame(index)), path, overwrite=overwrite)
         return [path]
     how = {"background": animation.background, "numerics": animation.numerics[0]}
-    clear, camera = pictures.transparent, animation.cameras[index]
+    clear, camera = own.transparent, animation.cameras[index]
     if one:
         views.write_still(
             animation.maps(index), animation.show, stem, transparent=clear, overwrite=overwrite
         )
         return [stem]
-    files = {"show": animation.show, "format": pictures.format, "transparent": clear}
+    files = {"show": animation.show, "format": own.format, "transparent": clear}
     return views.write_view(animation.scene, camera, stem, **files, **how, overwrite=overwrite)

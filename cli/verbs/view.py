@@ -199,49 +199,27 @@ def view(
         points.check_unused()
     check_file(own.out, own.force, ".png" if as_points else ".html")
     if as_points:
-        show_points(Scenes(scene, after, own), viewer, points)
+        show_points(scene, after, own, viewer, points)
     else:
-        show_page(Scenes(scene, after, own), viewer)
+        show_page(scene, after, own, viewer)
 
 
-@dataclass(frozen=True)
-class Scenes:
-    """Files that a view shows, and where it goes."""
-
-    scene: Path
-    after: Path | None
-    own: ShowOptions
-
-    @property
-    def names(self) -> tuple[str, str]:
-        """Return the names of both scenes; the second is empty where there is one scene."""
-        return self.scene.name, "" if self.after is None else self.after.name
-
-    def read(self) -> tuple[SceneFile, SceneFile | None]:
-        """Read both scenes; the second is None where there is one."""
-        first = load_file(self.scene, drop_invalid=self.own.drop_invalid)
-        if self.after is None:
-            return first, None
-        return first, load_file(self.after, drop_invalid=self.own.drop_invalid)
-
-
-def show_page(scenes: Scenes, viewer: ViewerCamera) -> None:
+def show_page(scene: Path, other: Path | None, own: ShowOptions, viewer: ViewerCamera) -> None:
     """Write the page of splats, or serve it."""
     from gsedit.pictures.viewer.browser import make_page, write_page
     from gsedit.pictures.viewer.libraries import import_viser
     from gsedit.scene.framing import framing_camera
 
     import_viser()  # before the long part
-    own = scenes.own
-    first, second = scenes.read()
+    first, second = read(scene, other, own)
     before, after = first.scene, second and second.scene
-    around = viewer.surroundings(scenes.scene, before, wanted=True)
+    around = viewer.surroundings(scene, before, wanted=True)
     camera = viewer.camera(before, around.cameras, PAGE_SIZE)
-    flags = own.selection or edited_region(scenes.scene, scenes.after)
+    flags = own.selection or edited_region(scene, other)
     page = make_page(
         before, camera or framing_camera(before, size=PAGE_SIZE), after=after,
         cameras=around.cameras, region=read_selection(flags, after, before),
-        title=" | ".join(filter(None, scenes.names)),
+        title=" | ".join(each.name for each in (scene, other) if each),
     )  # fmt: skip
     say_what_differs(before, after)
     if own.out is None:
@@ -252,14 +230,22 @@ def show_page(scenes: Scenes, viewer: ViewerCamera) -> None:
     print_result({"page": str(own.out)}, str(own.out))
 
 
-def show_points(scenes: Scenes, viewer: ViewerCamera, points: PointOptions) -> None:
+def read(scene: Path, other: Path | None, own: ShowOptions) -> tuple[SceneFile, SceneFile | None]:
+    """Read both scenes; the second is None where there is one."""
+    first = load_file(scene, drop_invalid=own.drop_invalid)
+    return first, None if other is None else load_file(other, drop_invalid=own.drop_invalid)
+
+
+def show_points(
+    path: Path, other: Path | None, own: ShowOptions, viewer: ViewerCamera, points: PointOptions
+) -> None:
     """Write the picture of points, or open a window of them."""
     from gsedit.pictures.viewer.drawing import preview
 
-    first, second = scenes.read()
-    own, out = scenes.own, scenes.own.out
+    first, second = read(path, other, own)
+    out, names = own.out, (path.name, "" if other is None else other.name)
     scene, size = first.scene, (points.width, points.height)
-    around = viewer.surroundings(scenes.scene, scene, wanted=points.cameras)
+    around = viewer.surroundings(path, scene, wanted=points.cameras)
     camera = viewer.camera(scene, () if points.cameras else around.cameras, size)
     if points.open3d and out is not None:
         draw_with_open3d(scene, out, camera, size, own.force)
@@ -269,7 +255,7 @@ def show_points(scenes: Scenes, viewer: ViewerCamera, points: PointOptions) -> N
             selection=read_selection(own.selection, scene), look=points.look(own.selection),
             around=points.visible(around), extra=first.extra,
             after_extra=second and second.extra, min_opacity=points.min_opacity, size=size,
-            camera=camera, titles=scenes.names, overwrite=own.force,
+            camera=camera, titles=names, overwrite=own.force,
         )  # fmt: skip
     if out is not None:
         print_message(f"{out} shows {points.counted(scene)}")

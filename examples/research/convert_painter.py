@@ -23,7 +23,7 @@ from safetensors.torch import save_file
 from torch import Tensor
 
 from gsedit.paper.editors.painter.editor import load_painter
-from gsedit.paper.editors.painter.picture_style import SIDE, STAGES, load_picture_styles
+from gsedit.paper.editors.painter.network import SIDE, STAGES, load_picture_styles
 
 QUANTISED = "arbitrary_predict", "arbitrary_transform"
 

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import torch
 
-from gsedit.run.atomic import atomic_path
 from gsedit.run.environment import installed_version
 
 
@@ -53,9 +52,3 @@ def markdown_table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """A Markdown table, its first column aligned left, the others right."""
     lines = [head, ["---", *("---:" for _ in head[1:])], *rows]
     return "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write a text file, all of it or nothing; overwrites."""
-    with atomic_path(path, overwrite=True) as temporary:
-        temporary.write_text(text, encoding="utf-8")

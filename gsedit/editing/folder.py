@@ -13,7 +13,7 @@ from gsedit.errors import InputError
 from gsedit.formats.edit_records import read_edit_record
 from gsedit.formats.scenes import save
 from gsedit.measures.against import ALONE, HELD_OUT, TARGETS, UNFINISHED
-from gsedit.paper.evidence import SHEET_HELD_OUT_VIEWS
+from gsedit.paper.evaluate import SHEET_HELD_OUT_VIEWS
 from gsedit.run.atomic import atomic_path, check_writable
 from gsedit.run.environment import environment
 from gsedit.run.events import as_record

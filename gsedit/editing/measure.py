@@ -15,9 +15,8 @@ from torch import Tensor
 from gsedit.editing.parts import Parts
 from gsedit.editing.plan import PICTURE, key_of
 from gsedit.measures.evaluation import evaluate
-from gsedit.measures.evaluation_input import Evaluation, EvaluationInput, Means
-from gsedit.paper.evaluate import Drawing
-from gsedit.paper.evidence import EditMetrics, Evidence, HeldOutViews
+from gsedit.measures.metrics import Evaluation, EvaluationInput, Means
+from gsedit.paper.evaluate import Drawing, EditMetrics, Evidence, HeldOutViews
 from gsedit.paper.settings import EditSettings
 from gsedit.pictures.contact_sheet import contact_sheet
 from gsedit.pictures.notebook import as_html, attempt, decibels, png_bytes

@@ -21,8 +21,8 @@ from gsedit.formats.pictures import fitted_size
 from gsedit.paper.diffusion.settings import SamplerSettings
 from gsedit.paper.guided import carry_change
 from gsedit.paper.protocol import EditBatch, Editor
+from gsedit.paper.session import edit_camera
 from gsedit.paper.settings import EditSettings
-from gsedit.paper.unedited import edit_camera
 from gsedit.pictures.contact_sheet import contact_sheet
 from gsedit.run.events import returned
 from gsedit.scene.merging import MergedScene

@@ -35,7 +35,9 @@ def open_scene(path: str | Path, options: ReadOptions = AS_SPECIFIED) -> SceneSo
     if format.suffix.endswith(".ply"):
         name = _ply_kind(path)
     elif name == "gltf.file":
-        name = _gltf_kind(path)
+        from gsedit.formats.gltf.file import holds_splats
+
+        name = name if holds_splats(path) else "mesh"
     return import_module(f"gsedit.formats.{name}").open_source(path, options)
 
 
@@ -112,10 +114,3 @@ def _ply_kind(path: Path) -> str:
     if is_compressed(header):
         return "ply.compressed"
     return "mesh" if {"x", "y", "z"} <= {*names} and not is_splats(names) else "ply.inria"
-
-
-def _gltf_kind(path: Path) -> str:
-    """The module that reads this glTF: a mesh has no splats."""
-    from gsedit.formats.gltf.file import holds_splats
-
-    return "gltf.file" if holds_splats(path) else "mesh"

@@ -12,7 +12,7 @@ from gsedit.errors import InputError
 from gsedit.formats.edit_records import read_edit_record
 from gsedit.formats.pictures import fitted_size
 from gsedit.measures.agreement import Pictures
-from gsedit.measures.evaluation_input import GIVEN, NO_TARGETS
+from gsedit.measures.metrics import GIVEN, NO_TARGETS
 from gsedit.run.inputs import existing_file
 from gsedit.run.json_files import object_of, read_json
 from gsedit.views import cameras_json as recorded

@@ -20,7 +20,7 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn.functional import grid_sample
 
-from gsedit.measures.interval import Interval, interval
+from gsedit.measures.formulas import Interval, interval
 from gsedit.views.dataset import evenly_spaced
 from gsedit.views.depth_maps import warp_of
 from rasterizer.camera import Camera
@@ -60,9 +60,16 @@ FEWEST_POINTS = 50
 
 @dataclass(frozen=True, kw_only=True)
 class PairComparison:
-    """The RMSE of color (mean over channels) between views, before an edit and after it."""
+    """The RMSE of color (mean over channels) between views, before an edit and after it.
+
+    Of a warp, over all pixels that both views see; of points, at those that the edit changed.
+    """
 
     pictures: PicturesOf
+    range: Range | None = None
+    """Reach of a warp. short: a view and the camera nearest to it. long: for targets every other
+    pair that shares 1 % of the pixels; for renders a held-out view and the nearest other one, which
+    in a capture taken in order is eight pictures away. None: of points."""
     pairs: int
     """Pairs of views that were compared."""
     unedited: float
@@ -71,6 +78,14 @@ class PairComparison:
     edited: float
     interval: Interval | None = None
     """The interval of the excess over views."""
+    counts: Mapping[str, float]
+    """Numbers of a warp: `compared`, the mean share of a view's pixels; else `points` and
+    `matched`, the points of every pair that the edit changed, and those changed or not."""
+
+    @property
+    def name(self) -> str:
+        """Name of the row in records."""
+        return f"warp_{self.pictures}_{self.range}" if self.range else f"points_{self.pictures}"
 
     @property
     def excess(self) -> float:
@@ -78,58 +93,18 @@ class PairComparison:
         better."""
         return added(self.edited, self.unedited)
 
-    def _row(self, against: str) -> dict[str, Any]:
+    def record(self) -> dict[str, Any]:
+        """The row as JSON has it."""
+        warped = "a warp by the unedited scene's depth, which the method uses too"
         return {
             "unedited": self.unedited,
             "edited": self.edited,
             "excess": self.excess,
             "excess_interval": self.interval,
             "pairs": self.pairs,
-            "against": against,
+            "against": warped if self.range else "SIFT matches of the unedited renders",
+            **self.counts,
         }
-
-
-@dataclass(frozen=True, kw_only=True)
-class WarpComparison(PairComparison):
-    """Warp error of one set of pictures: the error between a view and another one warped into it by
-    the unedited scene's depth, over all pixels that both see."""
-
-    range: Range
-    """short: a view and the camera nearest to it. long: for targets every other pair that shares
-    1 % of the pixels; for renders a held-out view and the nearest other one, which in a capture
-    taken in order is eight pictures away."""
-    compared: float
-    """Mean share of a view's pixels that were compared."""
-
-    @property
-    def name(self) -> str:
-        """Name of the row in records."""
-        return f"warp_{self.pictures}_{self.range}"
-
-    def record(self) -> dict[str, Any]:
-        """The row as JSON has it."""
-        by = "a warp by the unedited scene's depth, which the method uses too"
-        return {**self._row(by), "compared": self.compared}
-
-
-@dataclass(frozen=True, kw_only=True)
-class PointComparison(PairComparison):
-    """Error between views at matched points that the edit changed."""
-
-    points: int
-    """Matched points that the edit changed, those of every pair of views."""
-    matched: int
-    """Points that were matched, changed or not."""
-
-    @property
-    def name(self) -> str:
-        """Name of the row in records."""
-        return f"points_{self.pictures}"
-
-    def record(self) -> dict[str, Any]:
-        """The row as JSON has it."""
-        by = "SIFT matches of the unedited renders"
-        return {**self._row(by), "points": self.points, "matched": self.matched}
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,20 +135,13 @@ def spread(indices: Sequence[int], number: int) -> tuple[int, ...]:
     return tuple(indices[(2 * k + 1) * len(indices) // (2 * number)] for k in range(number))
 
 
-def compare_targets(views: UneditedViews, targets: Pictures) -> tuple[WarpComparison, ...]:
+def compare_targets(views: UneditedViews, targets: Pictures) -> tuple[PairComparison, ...]:
     """The edited 2D pictures, in pairs of short and of long range; no row where none share 1 %."""
     short = sorted({pair for i in targets for pair in views.with_nearest(i, targets)})
     every = itertools.combinations(sorted(targets), 2)
     long = [pair for pair in every if pair not in short]
-    rows = (
-        compare_pairs(
-            views, targets, "targets", "short", [short[i] for i in evenly_spaced(len(short), PAIRS)]
-        ),
-        compare_pairs(
-            views, targets, "targets", "long", [long[i] for i in evenly_spaced(len(long), PAIRS)]
-        ),
-    )
-    return tuple(row for row in rows if row)
+    some = [[pairs[i] for i in evenly_spaced(len(pairs), PAIRS)] for pairs in (short, long)]
+    return _both_ranges(views, targets, "targets", *some)
 
 
 def compare_renders(
@@ -181,7 +149,7 @@ def compare_renders(
     compared: Iterable[int],
     held_out: Sequence[int],
     finals: Callable[[Sequence[int]], Pictures],
-) -> tuple[WarpComparison, ...]:
+) -> tuple[PairComparison, ...]:
     """The edited scene at the held-out views `compared`, each with the nearest camera and the
     nearest held-out camera; no row where none share 1 %. `finals` renders the edited scene."""
     compared = tuple(compared)
@@ -189,17 +157,21 @@ def compare_renders(
     short = [pair for i in compared for pair in views.with_nearest(i, every)]
     long = [pair for i in compared for pair in views.with_nearest(i, held_out)]
     images = finals(sorted({i for pair in (*short, *long) for i in pair}))
-    rows = (
-        compare_pairs(views, images, "renders", "short", short),
-        compare_pairs(views, images, "renders", "long", long),
-    )
-    return tuple(row for row in rows if row)
+    return _both_ranges(views, images, "renders", short, long)
+
+
+def _both_ranges(
+    views: UneditedViews, images: Pictures, pictures: PicturesOf, short: Pairs, long: Pairs
+) -> tuple[PairComparison, ...]:
+    near = compare_pairs(views, images, pictures, "short", short)
+    far = compare_pairs(views, images, pictures, "long", long)
+    return tuple(row for row in (near, far) if row)
 
 
 @torch.no_grad()
 def compare_pairs(
     views: UneditedViews, images: Pictures, pictures: PicturesOf, range_: Range, pairs: Pairs
-) -> WarpComparison | None:
+) -> PairComparison | None:
     """Both errors over the same pixels, from one warp of both pictures a pair; None where no pair
     shares 1 % of its pixels."""
     shares, squares, members = [], [], []
@@ -222,9 +194,9 @@ def compare_pairs(
         return None
     unedited, edited = (torch.stack(squares).sum(0) / sum(shares)).sqrt().tolist()
     sums = [(*square.tolist(), share) for square, share in zip(squares, shares)]
-    return WarpComparison(
-        pictures=pictures, range=range_, pairs=len(shares), compared=sum(shares) / len(shares),
-        unedited=unedited, edited=edited, interval=excess_interval(sums, members),
+    return PairComparison(
+        pictures=pictures, range=range_, pairs=len(shares), unedited=unedited, edited=edited,
+        interval=excess_interval(sums, members), counts={"compared": sum(shares) / len(shares)},
     )  # fmt: skip
 
 
@@ -242,7 +214,7 @@ def compare_points(
     sizes: Mapping[int, tuple[int, int]],
     pictures: PicturesOf,
     least_change: float = CHANGED,
-) -> PointComparison | str:
+) -> PairComparison | str:
     """Both errors at the same points, or the reason why they are too few.
 
     Positions are those of pictures of the `sizes` (width, height).
@@ -268,9 +240,9 @@ def compare_points(
         )
     total = np.sum(sums, 0)
     before, after = np.sqrt(total[:2] / total[2]).tolist()
-    return PointComparison(
-        pictures=pictures, points=points, matched=matched, pairs=len(views), unedited=before,
-        edited=after, interval=excess_interval(sums, views),
+    return PairComparison(
+        pictures=pictures, pairs=len(views), unedited=before, edited=after,
+        interval=excess_interval(sums, views), counts={"points": points, "matched": matched},
     )  # fmt: skip
 
 

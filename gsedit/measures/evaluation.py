@@ -19,34 +19,37 @@ from gsedit.measures.against import Reference
 from gsedit.measures.agreement import (
     COMPARED_VIEWS,
     MATCHED_PIXELS,
+    PairComparison,
     Pairs,
     PicturesOf,
-    PointComparison,
     UneditedViews,
-    WarpComparison,
     compare_points,
     compare_renders,
     compare_targets,
     matchable,
     spread,
 )
-from gsedit.measures.evaluation_input import (
+from gsedit.measures.formulas import (
+    SquaredError,
+    interval,
+    mean_interval,
+    perceptual,
+    pooled_rmse,
+    squared_error,
+)
+from gsedit.measures.metrics import (
+    COST,
     MEASURED_ROLES,
+    METRICS,
+    NO_UNEDITED,
+    PAIRS,
     Evaluation,
     EvaluationInput,
     Group,
     Mean,
-    ViewMeasures,
-)
-from gsedit.measures.formulas import SquaredError, perceptual, pooled_rmse, squared_error
-from gsedit.measures.interval import interval, mean_interval
-from gsedit.measures.metrics import (
-    COST,
-    METRICS,
-    NO_UNEDITED,
-    PAIRS,
     MeasuredView,
     Metric,
+    ViewMeasures,
     label_of,
     why_missing,
     why_missing_at,
@@ -90,7 +93,7 @@ def evaluate(
     if only:
         return Evaluation(measured, (), {}, by_view)
     warp, points = _warp(subject), _points(subject)
-    compared = tuple(each for each in points.values() if isinstance(each, PointComparison))
+    compared = tuple(each for each in points.values() if not isinstance(each, str))
     missing = {**_missing(subject, measured), **_missing_pairs(subject, warp, points)}
     return Evaluation(measured, warp, missing, by_view, compared)
 
@@ -173,7 +176,7 @@ def _pooled(row: Metric, errors: Sequence[Any]) -> Mean:
     return Mean(_of_rmse(row, error), len(errors), (low, high) if within else None)
 
 
-def _warp(subject: EvaluationInput) -> tuple[WarpComparison, ...]:
+def _warp(subject: EvaluationInput) -> tuple[PairComparison, ...]:
     """Warp errors of targets and of renders at held-out views; none without the unedited scene."""
     original = subject.unedited
     if original is None:
@@ -200,7 +203,7 @@ def _warp(subject: EvaluationInput) -> tuple[WarpComparison, ...]:
 
 
 @torch.no_grad()
-def _points(subject: EvaluationInput) -> dict[PicturesOf, PointComparison | str]:
+def _points(subject: EvaluationInput) -> dict[PicturesOf, PairComparison | str]:
     """Differences at matched points of the targets, and of renders at held-out views; or the reason
     why there are too few points. None without a matcher, or views that look alike."""
     scene, views = subject.unedited, subject.views
@@ -253,8 +256,8 @@ def _missing(
 
 def _missing_pairs(
     subject: EvaluationInput,
-    warp: Sequence[WarpComparison],
-    points: Mapping[PicturesOf, PointComparison | str],
+    warp: Sequence[PairComparison],
+    points: Mapping[PicturesOf, PairComparison | str],
 ) -> dict[str, str]:
     """Reasons why pairs of views were not compared, by the name of the row."""
     rows = {row.name for row in warp}
@@ -262,7 +265,7 @@ def _missing_pairs(
     for name in PAIRS:
         kind, pictures, *range_ = name.split("_")
         point = points.get("targets" if pictures == "targets" else "renders")
-        if name in rows or (isinstance(point, PointComparison) and kind == "points"):
+        if name in rows or (isinstance(point, PairComparison) and kind == "points"):
             continue
         if subject.unedited is None:
             found[name] = NO_UNEDITED
@@ -334,12 +337,11 @@ def evaluation_table(evaluation: Evaluation, against: Reference) -> str:
             else:
                 cells = [_cell(by_role.get(role), metric.decimals) for role in MEASURED_ROLES]
             lines.append(_line(label, *cells, "" if metric.better == "neither" else metric.better))
-    if evaluation.warp:
-        lines += ["", _line("warp error (RMSE)", "unedited", "edited", "excess")]
-        lines += [_pair_line(row, targets) for row in evaluation.warp]
-    if evaluation.points:
-        lines += ["", _line("difference at SIFT matches (RMSE)", "unedited", "edited", "excess")]
-        lines += [_pair_line(row, targets) for row in evaluation.points]
+    heads = {"warp error": evaluation.warp, "difference at SIFT matches": evaluation.points}
+    for what, rows in heads.items():
+        if rows:
+            lines += ["", _line(f"{what} (RMSE)", "unedited", "edited", "excess")]
+            lines += [_pair_line(row, targets) for row in rows]
     if cost:
         lines += ["", *(f"{COST[name]:<{LABEL}}{cost[name]:>{NUMBER}.0f}" for name in cost)]
     lines += _notes(evaluation, targets)
@@ -358,12 +360,11 @@ def _cell(mean: Mean | None, decimals: int) -> str:
     return "-" if mean is None else f"{mean.value:.{decimals}f}"
 
 
-def _pair_line(row: WarpComparison | PointComparison, targets: str) -> str:
+def _pair_line(row: PairComparison, targets: str) -> str:
     kind = targets if row.pictures == "targets" else "renders, held out"
-    if isinstance(row, WarpComparison):
-        label = f"{kind}, {row.range} range ({row.pairs} pairs)"
-    else:
-        label = f"{kind} ({row.points} points)"
+    label = f"{kind}, {row.range} range ({row.pairs} pairs)"
+    if row.range is None:
+        label = f"{kind} ({row.counts['points']} points)"
     return _line(label, *(f"{value:.4f}" for value in (row.unedited, row.edited, row.excess)))
 
 

@@ -11,15 +11,13 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.capture.fitting.random_crops import crops_needed
 from gsedit.capture.fitting.solve import solve_colors, trusting_penalty
 from gsedit.capture.fitting.strokes import BAND_PENALTY, leading_shares, leading_views, stroke_steps
-from gsedit.capture.fitting.update import Target, update_steps
+from gsedit.capture.fitting.update import Target, crops_needed, update_steps
 from gsedit.errors import InputError
 from gsedit.paper.edit_views import edit_views
 from gsedit.paper.evaluate import measure_progress
-from gsedit.paper.session import Session, preview, region_masks, seen_gaussians
-from gsedit.paper.unedited import render_with_depth
+from gsedit.paper.session import Session, preview, region_masks, render_with_depth, seen_gaussians
 from gsedit.run.events import Event
 from gsedit.views.dataset import View
 from rasterizer.scene import Gaussians

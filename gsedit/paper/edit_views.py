@@ -16,8 +16,7 @@ from gsedit.paper.consistency.harmonise import Surface, harmonise_by_depth
 from gsedit.paper.diffusion.settings import SamplerSettings
 from gsedit.paper.guided import carry_change
 from gsedit.paper.protocol import EditBatch, Editor
-from gsedit.paper.session import Session, preview
-from gsedit.paper.unedited import UneditedRenders
+from gsedit.paper.session import Session, UneditedRenders, preview
 from gsedit.paper.view_plan import view_overlap
 from gsedit.run.events import Event
 from gsedit.select.region import (
@@ -114,9 +113,10 @@ def edit_views(
         with stopwatch.stage("correspond"):
             matches = match_views(session, (*batch, *tied))
         names = [session.request.every_view[i].name for i in (*batch, *tied)]
-        pairs = _named_pairs(matches, names)
-        edited.pairs += pairs
-        note = _describe(matches, [share for *_, share in pairs])
+        ends = tuple(itertools.combinations(range(len(names)), 2))
+        shares = [float(matches.matched[pair]) for pair in ends]
+        edited.pairs += [(names[a], names[b], share) for (a, b), share in zip(ends, shares)]
+        note = _describe(matches, shares)
         yield Event("correspond", stopwatch.seconds, step, steps, note=note)
     members = (*batch, *tied)
     with stopwatch.stage("sample"):
@@ -323,12 +323,6 @@ def choose_anchors(
     common = view_overlap(weights[finished], weights[list(batch)]).mean(1)
     order = common.argsort(descending=True, stable=True).tolist()
     return tuple(finished[i] for i in order if i == order[0] or common[i] >= MIN_ANCHOR_OVERLAP)
-
-
-def _named_pairs(matches: Correspondences, names: Sequence[str]) -> list[tuple[str, str, float]]:
-    """Every two views of a batch with the fraction of their cells that match."""
-    pairs = itertools.combinations(range(len(names)), 2)
-    return [(names[a], names[b], float(matches.matched[a, b])) for a, b in pairs]
 
 
 def _describe(matches: Correspondences, shares: Sequence[float]) -> str:

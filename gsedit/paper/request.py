@@ -10,7 +10,7 @@ from typing import Any
 
 import torch
 
-from gsedit.capture.fitting.edit_loss import check_installed
+from gsedit.capture.fitting.update import check_installed
 from gsedit.errors import UsageError
 from gsedit.measures.features import MIN_SIDE, FeatureExtractor, FilterBank
 from gsedit.paper.protocol import Editor
@@ -156,10 +156,14 @@ def build_request(
     method.check(prompt)
     check_installed(settings.update)
     editor = method.editor
-    some, held_out = split_views(_pictures(views, scene))
-    settings = _with_defaults(settings, editor, (some or held_out)[0].camera)
+    some, held_out = of_one_size(_pictures(views, scene)).split()
+    if not some:  # a single view, which would be held out, may be edited
+        some, held_out = held_out, ()
+    settings = _with_defaults(settings, editor, some[0].camera)
     cameras = [view.camera for view in (*some, *held_out)]
-    coarse = _merged(scene, settings, strategy, cameras)
+    coarse = None
+    if settings.geometry == "appearance" and settings.skips("merging") and fits_pictures(strategy):
+        coarse = coarsen(scene, cameras=cameras)
     if coarse is not None and region is not None:
         region = replace(region, inside=coarse.majority(region.inside))
     return Request(
@@ -182,15 +186,6 @@ def _pictures(views: Views, scene: Gaussians) -> Dataset:
     return Dataset(tuple(map(view, seeing)))
 
 
-def split_views(dataset: Dataset) -> tuple[tuple[View, ...], tuple[View, ...]]:
-    """The views that may be edited and the held-out ones, all of one size.
-
-    A single view, which would be held out, may be edited.
-    """
-    views, held_out = of_one_size(dataset).split()
-    return (views, held_out) if views else (held_out, ())
-
-
 def _with_defaults(settings: EditSettings, editor: Editor, camera: Camera) -> EditSettings:
     """The settings in force, which the result records: the editor's defaults are filled in.
 
@@ -206,14 +201,6 @@ def _with_defaults(settings: EditSettings, editor: Editor, camera: Camera) -> Ed
     sampler = settings.sampler.with_defaults(declared.defaults)
     batches = declared.batches if settings.batches is None else settings.batches
     return replace(settings, sampler=sampler, edit_size=size, batches=batches)
-
-
-def _merged(
-    scene: Gaussians, settings: EditSettings, strategy: Any, cameras: Sequence[Camera]
-) -> MergedScene | None:
-    """The merged scene that a large one is edited by; None where its Gaussians are edited."""
-    is_merged = settings.geometry == "appearance" and settings.skips("merging")
-    return coarsen(scene, cameras=cameras) if is_merged and fits_pictures(strategy) else None
 
 
 def request_record(request: Request) -> dict[str, Any]:

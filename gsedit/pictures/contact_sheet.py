@@ -13,7 +13,7 @@ from torch import Tensor
 
 from gsedit.formats.pictures import as_picture, save_picture
 from gsedit.measures.agreement import spread
-from gsedit.measures.evaluation_input import EvaluationInput
+from gsedit.measures.metrics import EvaluationInput
 from gsedit.scene.picture import render_picture
 from gsedit.views.dataset import View, evenly_spaced
 

@@ -13,7 +13,7 @@ from torch import Tensor
 
 from gsedit.formats.pictures import as_picture, eight_bits, save_picture
 from gsedit.pictures import Format, MapName
-from gsedit.pictures.frames import normal_colors, panels
+from gsedit.pictures.animations import normal_colors, panels
 from gsedit.pictures.maps import Maps, depth_picture, render_maps
 from gsedit.run.atomic import atomic_path
 from gsedit.run.environment import load_extra

@@ -52,7 +52,8 @@ def atomic_path(path: str | Path, *, overwrite: bool = False) -> Iterator[Path]:
         path.parent.mkdir(parents=True, exist_ok=True)
         remove_temporaries(path)
         yield temporary
-        _sync(temporary)
+        with temporary.open("rb+") as file:  # after a power cut the file is not empty
+            os.fsync(file.fileno())
         _publish(temporary, path, overwrite)
     except OSError as error:
         raise _not_written(path, error) from error
@@ -147,12 +148,6 @@ def _runs(process: int) -> bool:
     except PermissionError:  # another user's
         return True
     return True
-
-
-def _sync(temporary: Path) -> None:
-    """Bring the bytes to the disk before the name: after a power cut the file is not empty."""
-    with temporary.open("rb+") as file:
-        os.fsync(file.fileno())
 
 
 def _publish(temporary: Path, path: Path, overwrite: bool) -> None:

@@ -137,7 +137,8 @@ def walls(surfaces: Surfaces, among: Bool[np.ndarray, " n"]) -> list[Int[np.ndar
         plane = _best_wall(surfaces, voters, tolerance, random)
         if plane is None:
             break
-        on = rows[_on_plane(surfaces, rows, plane, 2 * tolerance)]
+        on = rows[np.abs(plane.heights(surfaces.points[rows])) < 2 * tolerance]
+        on = on[np.abs(surfaces.normals[on] @ plane.normal) > FACING]  # either way
         if surfaces.areas[on].sum() < 0.08 * total:
             break
         behind = _wall(surfaces, on, among, tolerance)
@@ -160,14 +161,6 @@ def _best_wall(
 
     found = voted_plane(surfaces.points[voters], tolerance, random, votes)
     return None if found is None else found[0]
-
-
-def _on_plane(
-    surfaces: Surfaces, rows: Int[np.ndarray, " m"], plane: Plane, tolerance: float
-) -> Bool[np.ndarray, " m"]:
-    """Flag the rows that are on a plane and face along its normal, either way."""
-    near = np.abs(plane.heights(surfaces.points[rows])) < tolerance
-    return near & (np.abs(surfaces.normals[rows] @ plane.normal) > FACING)
 
 
 def _wall(

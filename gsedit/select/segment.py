@@ -423,7 +423,9 @@ def _joined(
     for _ in range(ROUNDS):  # by color
         cost = groups.apart
         able = cost < SAME_COLOR
-        links = _mutual(groups.joints[able], cost[able], len(groups.sizes))
+        joints = groups.joints[able]
+        rank, best = _cheapest(joints, cost[able], len(groups.sizes))
+        links = joints[(best[joints] == rank[:, None]).all(1)]  # that cost least for both ends
         if not len(links):
             break
         to = linked(links, len(groups.sizes))
@@ -431,28 +433,13 @@ def _joined(
     for _ in range(ROUNDS):  # the small ones with what is most like them, or most around them
         small = groups.sizes < 0.03 * len(group)
         cost = (groups.apart + SAME_COLOR) / groups.times
-        links = _of_the_small(groups.joints, cost, small)
+        rank, best = _cheapest(groups.joints, cost, len(small))
+        links = groups.joints[np.argsort(rank)][best[small & (best < len(rank))]]
         if not len(links):
             break
         to = linked(links, len(groups.sizes))
         group, groups = to[group], groups.joined(to)
     return numbered(group, np.ones(len(group), bool))
-
-
-def _of_the_small(
-    joints: Int[np.ndarray, "j 2"], cost: Float64[np.ndarray, " j"], small: Bool[np.ndarray, " c"]
-) -> Int[np.ndarray, "l 2"]:
-    """The cheapest joint of each small group."""
-    rank, best = _cheapest(joints, cost, len(small))
-    return joints[np.argsort(rank)][best[small & (best < len(joints))]]
-
-
-def _mutual(
-    joints: Int[np.ndarray, "j 2"], cost: Float64[np.ndarray, " j"], count: int
-) -> Int[np.ndarray, "l 2"]:
-    """The joints that cost least for both ends."""
-    rank, best = _cheapest(joints, cost, count)
-    return joints[(best[joints[:, 0]] == rank) & (best[joints[:, 1]] == rank)]
 
 
 def _cheapest(

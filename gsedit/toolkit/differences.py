@@ -23,7 +23,7 @@ from gsedit.measures import formulas as metrics
 from gsedit.measures.decibels import psnr_from_rmse
 from gsedit.scene.picture import render_picture
 from gsedit.toolkit.decimate import SIZE, VIEWS
-from gsedit.views.around import find_views, view_names
+from gsedit.views.around import find_viewpoints
 from gsedit.views.viewpoints import Viewpoint
 from rasterizer.numerics import DEFAULT, Numerics, sh_to_color
 from rasterizer.scene import Gaussians
@@ -140,8 +140,7 @@ def diff(
         raise UsageError("a scene without Gaussians cannot be compared")
     a, b = a.detach(), b.detach()
     if viewpoints is None:
-        cameras = find_views(a, VIEWS, SIZE)
-        viewpoints = tuple(map(Viewpoint, view_names(len(cameras)), cameras))
+        viewpoints = find_viewpoints(a, VIEWS, SIZE)
     views, errors = [], []
     for done, viewpoint in enumerate(viewpoints, 1):
         before, after = (

@@ -17,7 +17,8 @@ from gsedit.errors import UsageError
 from gsedit.scene.framing import bounds, guess_up
 from gsedit.scene.merging import coarsen
 from gsedit.views.dataset import Dataset
-from gsedit.views.orbit import ELEVATION, orbit, perpendicular
+from gsedit.views.normals import normals_of_depth
+from gsedit.views.orbit import ELEVATION, orbit, perpendicular, unit_up
 from gsedit.views.search import (
     BLUR,
     BLURRED,
@@ -59,11 +60,8 @@ def around(
     taken from are found where they are None (docs/reference/cameras.md). World axes.
     Raises UsageError for an `up` of no direction, or an empty scene.
     """
-    if up is not None and not (up.isfinite().all() and up.any()):
-        raise UsageError(f"up {up.tolist()} is no direction: three finite numbers, not all 0")
-    wish = ViewConstraints(up, look_at, eye)
-    found = find_viewpoints(scene, size=size, wish=wish)
-    return rendered(scene, found)
+    wish = ViewConstraints(None if up is None else unit_up(up), look_at, eye)
+    return rendered(scene, find_viewpoints(scene, size=size, wish=wish))
 
 
 def find_viewpoints(
@@ -85,7 +83,7 @@ def find_viewpoints(
     merged = coarsen(scene)
     searched = scene if merged is None else merged.scene
     cameras = find_views(searched, count, size, wish=wish, rings=rings)
-    return tuple(map(Viewpoint, view_names(len(cameras)), cameras))
+    return tuple(Viewpoint(f"view_{i:03d}", each) for i, each in enumerate(cameras))
 
 
 def cameras_of(
@@ -103,19 +101,6 @@ def cameras_of(
 
 NARROW = 0.96
 """Cosine (16 degrees) within which a surface's normal counts for a direction."""
-
-
-def normals_from_depth(camera: Camera, depth: Float[Tensor, "h w"]) -> Float[Tensor, "n 3"]:
-    """Unit normals of the smooth parts of a depth map, in the world, towards the camera."""
-    points = camera.unproject(camera.pixel_centers(), depth.double())
-    along = points[:-1, 1:] - points[:-1, :-1]
-    down = points[1:, :-1] - points[:-1, :-1]
-    near = depth[:-1, :-1].double()
-    step = 0.1 * near  # a larger one is a silhouette
-    smooth = (near > 0) & (depth[1:, :-1] > 0) & (depth[:-1, 1:] > 0)
-    smooth &= (along.norm(dim=-1) < step) & (down.norm(dim=-1) < step)
-    normals = torch.linalg.cross(down, along)[smooth]  # x right, y down: this faces the camera
-    return torch.nn.functional.normalize(normals, dim=-1)
 
 
 def find_up(
@@ -173,11 +158,6 @@ class Candidates:
     """Distance of what each place sees: the scale on which places differ."""
 
 
-def view_names(count: int) -> list[str]:
-    """The names of found views: view_000, view_001, ..."""
-    return [f"view_{index:03d}" for index in range(count)]
-
-
 def find_views(
     scene: Gaussians,
     count: int,
@@ -198,7 +178,8 @@ def find_views(
         raise UsageError(f"views cannot stand at {wish.eye.tolist()} and look at it: move one")
     scene = scene.detach()
     free, ball = wish.eye is None and wish.look_at is None, bounds(scene)
-    if free and _is_one_place(scene):
+    apart = (scene.means - scene.means.median(0).values).norm(dim=-1).median()
+    if free and apart <= scene.scales.amax(-1).median():  # no place among them to stand at
         return _orbits(scene, count, size, wish.up, rings)
     places = find_places(draw_sample(scene, generator), wish, generator, effort)
     if free and places.enclosed < SURROUNDED:
@@ -219,13 +200,6 @@ def _orbits(
     each = max(1, count // len(rings))
     around = (orbit(scene, each, size, up=up, elevation=e, alone=True) for e in rings)
     return tuple(camera for ring in around for camera in ring)
-
-
-def _is_one_place(scene: Gaussians) -> bool:
-    """Whether the Gaussians are larger than what their centers extend over: there is no place among
-    them to stand at."""
-    apart = (scene.means - scene.means.median(0).values).norm(dim=-1).median()
-    return bool(apart <= scene.scales.amax(-1).median())
 
 
 def candidates(places: Places, target: Float[Tensor, "3"] | None, count: int) -> Candidates:
@@ -361,7 +335,8 @@ def _admitted(judged: Sequence[ScoredView]) -> list[ScoredView]:
 
 def _up(scene: Gaussians, judged: Sequence[ScoredView]) -> Float[Tensor, "3"]:
     """Up, from good views in any direction; where they do not say, from the densest layer."""
-    normals = torch.cat([normals_from_depth(view.camera, view.depth) for view in judged])
+    maps = torch.cat([normals_of_depth(view.camera, view.depth, 1) for view in judged])
+    normals = maps[maps.any(-1)].double()
     forwards = torch.stack([view.camera.forward for view in judged])
     up = find_up(directions_around(1000).double(), normals, forwards)
     return guess_up(scene) if up is None else up

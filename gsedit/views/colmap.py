@@ -7,8 +7,6 @@ from struct import Struct, error
 from typing import Any
 
 import torch
-from jaxtyping import Float
-from torch import Tensor
 
 from gsedit.errors import InputError
 from gsedit.formats.limits import check_lens, check_points, check_pose
@@ -111,23 +109,6 @@ def _check_complete(path: Path) -> None:
         raise InputError(f"{path} is cut off ({len(data)} bytes): copy or export it again")
 
 
-def _camera_end(data: bytes, at: int) -> int:
-    _CAMERA.unpack_from(data, at)
-    return at + _CAMERA.size  # at least: the number of parameters depends on the model
-
-
-def _image_end(data: bytes, at: int) -> int:
-    return _list_end(data, data.index(b"\0", at + _IMAGE.size) + 1, _U64, 24)
-
-
-def _point_end(data: bytes, at: int) -> int:
-    return _list_end(data, at + _POINT.size, _U64, 8)
-
-
-def _frame_end(data: bytes, at: int) -> int:
-    return _list_end(data, at + _FRAME.size, _U32, 16)
-
-
 def _rig_end(data: bytes, at: int) -> int:
     (sensors,) = _U32.unpack_from(data, at + 4)
     at += 8 + _SENSOR.size * (sensors > 0)
@@ -142,10 +123,13 @@ def _list_end(data: bytes, at: int, count: Struct, entry_bytes: int) -> int:
 
 
 _ROWS = {
-    "cameras.bin": _camera_end,
-    "images.bin": _image_end,
-    "points3D.bin": _point_end,
-    "frames.bin": _frame_end,
+    # at least: the number of a camera's parameters depends on its model
+    "cameras.bin": lambda data, at: _CAMERA.unpack_from(data, at) and at + _CAMERA.size,
+    "images.bin": lambda data, at: _list_end(
+        data, data.index(b"\0", at + _IMAGE.size) + 1, _U64, 24
+    ),
+    "points3D.bin": lambda data, at: _list_end(data, at + _POINT.size, _U64, 8),
+    "frames.bin": lambda data, at: _list_end(data, at + _FRAME.size, _U32, 16),
     "rigs.bin": _rig_end,
 }
 """The byte behind the row that starts at a byte; layouts: COLMAP's scene/reconstruction_io."""
@@ -178,9 +162,11 @@ def _photo(model: Path, images: Path, image: Any) -> PosedPhoto | None:
     path = find_photo(images, name, where)
     if path is None:
         return None
-    rows = torch.tensor(image.cam_from_world().matrix(), dtype=torch.float64)
-    pose, lens = _to_4x4(rows, where), _lens(image.camera, where)
-    return PosedPhoto(name, path, pose, lens, find_mask(images.parent / "masks", name))
+    pose = torch.eye(4, dtype=torch.float64)
+    pose[:3] = torch.tensor(image.cam_from_world().matrix())
+    check_pose(pose, where)
+    mask = find_mask(images.parent / "masks", name)
+    return PosedPhoto(name, path, pose, _lens(image.camera, where), mask)
 
 
 def _name(model: Path, image: Any) -> str:
@@ -192,11 +178,6 @@ def _name(model: Path, image: Any) -> str:
             f"{model}: the name of image {image.image_id} is not UTF-8: rename the photo and "
             "export the model again"
         ) from None
-
-
-def _to_4x4(rows: Float[Tensor, "3 4"], where: str) -> Float[Tensor, "4 4"]:
-    check_pose(rows, where)
-    return torch.cat((rows, torch.tensor([[0.0, 0.0, 0.0, 1.0]], dtype=torch.float64)))
 
 
 def _lens(camera: Any, where: str) -> Lens:

@@ -24,6 +24,8 @@ from rasterizer.camera import Camera
 from rasterizer.numerics import SH_DC
 from rasterizer.scene import Gaussians
 
+Vectors = Float[Tensor, "d 3"]
+
 CELLS = 224
 """Cells along the longest side of a part: a disc is 1 / CELLS of it."""
 VIEWS = 32
@@ -63,7 +65,7 @@ class Discs:
 
     scene: Gaussians
     """The discs, SH of degree 0: the mean colors that views see."""
-    normals: Float[Tensor, "d 3"]
+    normals: Vectors
     """Unit normals of the discs, outwards."""
     origin: Int[Tensor, " d"]
     """The nearest Gaussian of the part."""
@@ -83,7 +85,8 @@ def discs_on(part: Gaussians, cameras: Sequence[Camera] = ()) -> Discs | None:
     cell = max(float((high - low).amax()) / CELLS, FINEST * usual)
     if cell <= 0 or cell > COARSEST * usual:
         return None
-    views = [_in_cells(camera, part, cell) for camera in _chosen(list(cameras) or all_around(part))]
+    eyes = list(cameras) or all_around(part)
+    views = [_in_cells(eyes[i], part, cell) for i in evenly_spaced(len(eyes), VIEWS)]
     seen = [seen_surface(part, view) for view in views]
     seen = [without_pits(each) for each in seen if bool(each.seen.any())]
     if not seen:
@@ -106,10 +109,6 @@ def discs_on(part: Gaussians, cameras: Sequence[Camera] = ()) -> Discs | None:
     _, origin = k_nearest(part.means.numpy(), points.numpy(), 1)
     covered = _covered(part.means, points, normals, cell)
     return Discs(discs, normals, torch.from_numpy(origin[:, 0]), covered, cell)
-
-
-def _chosen(cameras: Sequence[Camera]) -> list[Camera]:
-    return [cameras[i] for i in evenly_spaced(len(cameras), VIEWS)]
 
 
 def _in_cells(camera: Camera, part: Gaussians, cell: float) -> Camera:
@@ -171,9 +170,7 @@ def _pixels(
     return inside, (at[:, 1], at[:, 0]), z.to(points)
 
 
-def _zero(
-    values: Float[Tensor, "x y z"], known: Bool[Tensor, "x y z"]
-) -> tuple[Float[Tensor, "d 3"], Float[Tensor, "d 3"]]:
+def _zero(values: Float[Tensor, "x y z"], known: Bool[Tensor, "x y z"]) -> tuple[Vectors, Vectors]:
     """Places between cells at which values are 0, in cells, and the unit slopes there."""
     slope = torch.stack(torch.gradient(values), -1)
     points, normals = [], []
@@ -193,12 +190,7 @@ def _zero(
     return torch.cat(points), torch.nn.functional.normalize(torch.cat(normals), dim=-1)
 
 
-def _colors(
-    seen: Sequence[SeenSurface],
-    points: Float[Tensor, "d 3"],
-    normals: Float[Tensor, "d 3"],
-    cell: float,
-) -> Float[Tensor, "d 3"]:
+def _colors(seen: Sequence[SeenSurface], points: Vectors, normals: Vectors, cell: float) -> Vectors:
     """Mean colors of points over the views that see them, the straightest most; 0.5 elsewhere."""
     total, weight = torch.full_like(points, 0.5e-6), points.new_full((len(points), 1), 1e-6)
     for view in seen:
@@ -213,10 +205,7 @@ def _colors(
 
 
 def _covered(
-    means: Float[Tensor, "n 3"],
-    points: Float[Tensor, "d 3"],
-    normals: Float[Tensor, "d 3"],
-    cell: float,
+    means: Float[Tensor, "n 3"], points: Vectors, normals: Vectors, cell: float
 ) -> Bool[Tensor, " n"]:
     """Whether places lie under the discs, or a little above."""
     _, at = k_nearest(points.numpy(), means.numpy(), 1)

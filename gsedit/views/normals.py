@@ -120,10 +120,11 @@ def facing(axes: Float[Tensor, "n 3"], scene: Gaussians, camera: Camera) -> Floa
     return axes * _sign((axes * towards).sum(-1, keepdim=True))
 
 
-def normals_of_depth(camera: Camera, depth: Float[Tensor, "h w"]) -> Float[Tensor, "h w 3"]:
+def normals_of_depth(
+    camera: Camera, depth: Float[Tensor, "h w"], step: int = DEPTH_STEP
+) -> Float[Tensor, "h w 3"]:
     """Unit normals of a depth map, towards the camera; 0 at silhouettes, borders and where depth
-    is 0. Differences are taken over DEPTH_STEP pixels on either side."""
-    step = DEPTH_STEP
+    is 0. Differences are taken over `step` pixels on either side."""
     points = camera.unproject(camera.pixel_centers(), depth.double())
     normals = torch.zeros_like(points)
     if min(depth.shape) <= 2 * step:

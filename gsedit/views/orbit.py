@@ -14,6 +14,8 @@ from gsedit.scene.framing import bounds, guess_up
 from rasterizer.camera import Camera, look_at
 from rasterizer.scene import Gaussians
 
+Vector = Float[Tensor, "3"]
+
 ELEVATION = 20.0
 """Degrees above the horizon of views around an object."""
 
@@ -25,13 +27,15 @@ def perpendicular(vectors: Float[Tensor, "*n 3"]) -> Float[Tensor, "*n 3"]:
     return torch.nn.functional.normalize(torch.linalg.cross(vectors, axis), dim=-1)
 
 
+def unit_up(up: Vector) -> Vector:
+    """The upward unit vector, float64. Raises UsageError for what is no direction."""
+    if not up.isfinite().all() or not up.any():
+        raise UsageError(f"up {up.tolist()} is no direction: three finite numbers, not all 0")
+    return torch.nn.functional.normalize(up.detach().double(), dim=0)
+
+
 def parallel(
-    middle: Float[Tensor, "3"],
-    axis: Float[Tensor, "3"],
-    up: Float[Tensor, "3"],
-    pixel: float,
-    size: tuple[int, int],
-    away: float,
+    middle: Vector, axis: Vector, up: Vector, pixel: float, size: tuple[int, int], away: float
 ) -> Camera:
     """A camera in parallel rays that looks at a middle against a unit vector, `away` before it.
 
@@ -43,9 +47,7 @@ def parallel(
     return replace(camera, fx=1 / pixel, fy=1 / pixel, model="ortho", near=1e-3 * away)
 
 
-def towards(
-    up: Float[Tensor, "3"], east: Float[Tensor, "3"], azimuth: float, elevation: float
-) -> Float[Tensor, "3"]:
+def towards(up: Vector, east: Vector, azimuth: float, elevation: float) -> Vector:
     """The unit vector at an azimuth (counter-clockwise from `east`, seen from above) and an
     elevation, radians. `up` and `east` are unit vectors, across each other."""
     level = cos(azimuth) * east + sin(azimuth) * torch.linalg.cross(up, east)
@@ -53,16 +55,16 @@ def towards(
 
 
 def circle(
-    center: Float[Tensor, "3"],
+    center: Vector,
     radius: float,
-    up: Float[Tensor, "3"],
+    up: Vector,
     count: int,
     size: int,
     *,
     elevation: float,
     fov: float,
     start: float = 0.0,
-    east: Float[Tensor, "3"] | None = None,
+    east: Vector | None = None,
 ) -> tuple[Camera, ...]:
     """`count` cameras of `size`^2 pixels at one height around a ball, whose outline touches the
     upper and lower border of each picture.
@@ -83,7 +85,7 @@ def orbit(
     count: int,
     size: int,
     *,
-    up: Float[Tensor, "3"] | None = None,
+    up: Vector | None = None,
     elevation: float = ELEVATION,
     fov: float = 50.0,
     alone: bool = False,
@@ -96,9 +98,6 @@ def orbit(
     """
     ball = bounds(scene, alone=alone)
     center = torch.tensor(ball.center, dtype=torch.float64)
-    axis = (guess_up(scene) if up is None else up).detach().double()
-    if not axis.isfinite().all() or not axis.any():
-        raise UsageError(f"up {axis.tolist()} is no direction: three finite numbers, not all 0")
-    axis = torch.nn.functional.normalize(axis, dim=0)
+    axis = unit_up(guess_up(scene) if up is None else up)
     cameras = circle(center, ball.radius, axis, count, size, elevation=elevation, fov=fov)
     return tuple(replace(camera, near=ball.near) for camera in cameras)

@@ -19,7 +19,7 @@ from gsedit.errors import UsageError
 from gsedit.scene.framing import Bounds
 from gsedit.views import PathKind
 from gsedit.views.dataset import evenly_spaced
-from gsedit.views.orbit import perpendicular, towards
+from gsedit.views.orbit import perpendicular, towards, unit_up
 from rasterizer.camera import Camera, look_at
 
 ARC = 60.0
@@ -85,10 +85,7 @@ def circle_of(
         raise UsageError("a path needs at least one camera")
     if elevation is not None and not -90 < elevation < 90:
         raise UsageError(f"elevation {elevation:g}: give degrees between -90 and 90")
-    axis = up_of(cameras) if up is None else up.double()
-    if not axis.isfinite().all() or not axis.any():
-        raise UsageError(f"up {axis.tolist()} is no direction: three finite numbers, not all 0")
-    axis = torch.nn.functional.normalize(axis, dim=0)
+    axis = unit_up(up_of(cameras) if up is None else up)
     center = common_point(cameras)
     if center is None:
         if fallback is None:

@@ -6,7 +6,7 @@ from dataclasses import asdict, replace
 import torch
 
 from gsedit.bench.renderer import stability
-from gsedit.bench.renderer.edge_cases import EDGE_CASES
+from gsedit.bench.renderer.stability import EDGE_CASES
 
 DTYPES = (torch.float32, torch.float64)
 
@@ -17,11 +17,11 @@ BY_NAME = {case.name: case for case in EDGE_CASES}
 def test_the_table_shows_errors_refusals_and_what_is_not_finite():
     names = ("ordinary crowd", "needle 1e3 : 1e-3", "means nan")
     found = [
-        stability.measure_edge_case(BY_NAME[name], dtype, 1) for name in names for dtype in DTYPES
+        stability.measure_edge_case(BY_NAME[name], dtype) for name in names for dtype in DTYPES
     ]
     text = stability.table(found)
     assert text.count("\n| **") == 2
-    assert f"| {found[0].image_error:.1e} | {found[0].textbook_image_error:.1e} |" in text
+    assert f"| {found[0].image_error:.1e} | {found[0].gradient_error:.1e} |" in text
     assert "means[57, 2] is nan" in text
     broken = replace(found[0], outcome="not finite", image_error=None, gradient_error=None)
     assert stability.table([broken]).count("**not finite**") == 2

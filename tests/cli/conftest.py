@@ -25,8 +25,7 @@ from rasterizer import render
 def short_search(monkeypatch):
     """Few places where a command searches for views: what is found is tested elsewhere."""
     few = SearchEffort(places=12, kept=4, rendered=6, varied=4)
-    for module in ("gsedit.views.around", "gsedit.toolkit.differences"):
-        monkeypatch.setattr(f"{module}.find_views", partial(find_views, effort=few))
+    monkeypatch.setattr("gsedit.views.around.find_views", partial(find_views, effort=few))
 
 
 @pytest.fixture

@@ -5,7 +5,8 @@ import json
 from command_line import files, gsedit
 from PIL import Image
 
-from gsedit.paper.editors.painter.style_sheet import CELL, COLUMNS
+from gsedit.paper.editors.painter.editor import COLUMNS
+from gsedit.paper.editors.painter.editor import SHEET_CELL as CELL
 from gsedit.pictures.contact_sheet import CAPTION, MARGIN
 from gsedit.words.lexicon import styles
 

@@ -9,7 +9,7 @@ from sampler_runs import SOLVERS, UNGUIDED, generator, run
 
 from gsedit.errors import UsageError
 from gsedit.paper.consistency.consensus import consensus
-from gsedit.paper.diffusion.guided import branches_of
+from gsedit.paper.diffusion.guidance import branches_of
 from gsedit.paper.diffusion.sampler import levels_of, sample
 from gsedit.paper.diffusion.settings import SamplerSettings
 

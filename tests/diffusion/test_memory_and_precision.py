@@ -8,7 +8,7 @@ from typing import Any
 import torch
 from untrained_network import untrained_network
 
-from gsedit.paper.diffusion import memory
+from gsedit.paper.diffusion import precision as memory
 from gsedit.paper.diffusion.guidance import Branches, Need
 from gsedit.paper.diffusion.precision import MAX_ERROR, InBfloat16, relative_error, with_precision
 from gsedit.paper.diffusion.schedules import Schedule

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from gsedit.paper.editors.command.editor import Command
+from gsedit.paper.editors.command import Command
 
 
 @pytest.fixture

@@ -11,12 +11,19 @@ from closeness import EPS32, assert_near
 from gsedit.paper.consistency.correspond import Correspondences
 from gsedit.paper.diffusion.settings import SamplerSettings
 from gsedit.paper.editors import EditBatch
-from gsedit.paper.editors.closed_form import CODE, ClosedForm, Mixture, Perturbation
-from gsedit.paper.editors.looks import LOOKS, VARIANTS, agreed_variant, parse
+from gsedit.paper.editors.closed_form import (
+    CODE,
+    LOOKS,
+    RADIUS,
+    VARIANTS,
+    ClosedForm,
+    Mixture,
+    agreed_variant,
+    parse,
+)
 from gsedit.paper.editors.sampling import DiffusionEditor
 
 SIZE = 64
-UNPERTURBED = Perturbation(gain=0.0, hue=0.0, shift=0.0)
 OFF = SamplerSettings(consensus=False, noise="independent")
 
 
@@ -96,7 +103,7 @@ def test_latent_is_an_isometry_with_an_exact_inverse():
     za, zb = model.encode(a), model.encode(b)
     assert za.shape == (2, 3 * 64 + 2, 3, 5)
     assert not za[:, -CODE:].any()
-    scale = model.distribution.radius / math.sqrt(3 * 24 * 40)
+    scale = RADIUS / math.sqrt(3 * 24 * 40)
     torch.testing.assert_close((za - zb).norm(), 2 * scale * (a - b).norm())
     torch.testing.assert_close(model.decode(za), a)
 
@@ -111,7 +118,7 @@ def test_latent_is_an_isometry_with_an_exact_inverse():
     ],
 )
 def test_samples_are_sharp_variants(settings):
-    model = ClosedForm(perturbation=UNPERTURBED)
+    model = ClosedForm(spread=0.0)
     views = picture()[None].expand(4, -1, -1, -1)
     edited = edit(views, "bronze", settings, model=model)
     _, votes = agreed_variant(parse("bronze"), edited, views)

@@ -9,7 +9,7 @@ from programs import INVERT, batch, leftovers, run
 
 from gsedit.errors import GseditError, InputError, UsageError
 from gsedit.paper.editors import make_editor
-from gsedit.paper.editors.command.editor import Command
+from gsedit.paper.editors.command import Command
 
 # ---- what it is given ----------------------------------------------------------------------------
 

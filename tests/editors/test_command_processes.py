@@ -40,9 +40,7 @@ def test_leaving_early_ends_the_program_and_its_children(program, tmp_path, how,
     if how == "close":
         steps.close()
     else:
-        monkeypatch.setattr(
-            "gsedit.paper.editors.command.program.wait", lambda _: raise_interrupt()
-        )
+        monkeypatch.setattr("gsedit.paper.editors.command.wait", lambda _: raise_interrupt())
         with pytest.raises(KeyboardInterrupt):
             next(steps)
     assert ended([int(pid) for pid in pids.read_text().split()])

@@ -9,7 +9,7 @@ import torch
 
 from gsedit.errors import GseditError, InputError
 from gsedit.paper.editors import make_masks
-from gsedit.paper.editors.command.editor import MaskCommand
+from gsedit.paper.editors.command import MaskCommand
 
 RED = """
 import sys

@@ -9,15 +9,15 @@ from PIL import Image
 
 from gsedit.errors import InputError, UsageError
 from gsedit.paper.editors.painter.editor import WEIGHTS, load_painter
-from gsedit.paper.editors.painter.network import mixed
-from gsedit.paper.editors.painter.picture_style import (
+from gsedit.paper.editors.painter.network import (
     LEAST,
     SIDE,
     load_picture_styles,
+    mixed,
     read_style_picture,
     style_of,
 )
-from gsedit.paper.editors.painter.picture_style import WEIGHTS as PICTURE_WEIGHTS
+from gsedit.paper.editors.painter.network import WEIGHTS as PICTURE_WEIGHTS
 
 FILES = Path(__file__).parents[3] / "shared/data/weights"
 close = partial(torch.testing.assert_close, rtol=1e-4, atol=1e-4)

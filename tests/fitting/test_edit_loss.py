@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 import torch
 
-from gsedit.capture.fitting.edit_loss import check_installed, edit_loss
 from gsedit.capture.fitting.settings import LossTerm, UpdateSettings
+from gsedit.capture.fitting.update import check_installed, edit_loss
 from gsedit.errors import UsageError
 from gsedit.measures.features import FilterBank
 from gsedit.measures.losses import dssim, gram_loss, l1, mse

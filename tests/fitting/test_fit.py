@@ -11,11 +11,11 @@ from small_scenes import scenes, traced_dataset
 
 from gsedit import Checkpoint, Dataset, Event, FitSettings, fit, fit_steps
 from gsedit.bench.synthetic import ring_cameras
-from gsedit.capture.fitting.budget import LEAST_STEPS
 from gsedit.capture.fitting.densify import densify, faded, without_floaters
 from gsedit.capture.fitting.fit import evaluate
 from gsedit.capture.fitting.initial import initial_scene, neighbor_distance
 from gsedit.capture.fitting.optimizer import SceneOptimizer
+from gsedit.capture.fitting.settings import LEAST_STEPS
 from gsedit.errors import UsageError
 from rasterizer import render
 from rasterizer.project import rotation_matrices

@@ -124,8 +124,8 @@ def test_a_transparent_photo_asks_for_a_transparent_scene(scene, views):
 
 def test_metrics_leave_out_masked_pixels(scene, views):
     from gsedit.measures.evaluation import evaluate as evaluation
-    from gsedit.measures.evaluation_input import EvaluationInput
     from gsedit.measures.formulas import NEAREST
+    from gsedit.measures.metrics import EvaluationInput
     from gsedit.views.view_list_files import by_capture
     from gsedit.views.viewpoints import viewpoints_of
 

@@ -3,7 +3,7 @@
 import torch
 
 from gsedit.bench.synthetic import demo_scene, ring_cameras
-from gsedit.capture.fitting.random_crops import random_crop
+from gsedit.capture.fitting.update import random_crop
 
 
 def camera(width, height):

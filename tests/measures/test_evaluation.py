@@ -8,8 +8,8 @@ from bench.staged import stages
 
 from gsedit.bench.synthetic import demo_scene, ring_cameras, surface_gaussians
 from gsedit.measures.evaluation import evaluate
-from gsedit.measures.evaluation_input import EvaluationInput
 from gsedit.measures.formulas import psnr
+from gsedit.measures.metrics import EvaluationInput
 from gsedit.scene.picture import render_picture
 from gsedit.select.region import Region, coverage
 from gsedit.views.view_list_files import ViewList

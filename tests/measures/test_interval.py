@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gsedit.measures.interval import FEWEST_VIEWS, interval, mean_interval
+from gsedit.measures.formulas import FEWEST_VIEWS, interval, mean_interval
 
 
 def ratio(sums):

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 import torch
 
-from gsedit.bench.renderer.edge_cases import CROWD, camera, gaussian, over_background, random_cloud
+from gsedit.bench.renderer.stability import CROWD, camera, gaussian, over_background, random_cloud
 from rasterizer import Numerics, harmonics, render
 
 

@@ -10,8 +10,8 @@ import torch
 from closeness import leaves, tensors, weights_like
 from scenes import EDGE_CASES, cloud
 
-from gsedit.bench.renderer import edge_cases
-from gsedit.bench.renderer.edge_cases import random_cloud
+from gsedit.bench.renderer import stability
+from gsedit.bench.renderer.stability import random_cloud
 from rasterizer import Camera, Execution, Gaussians, Numerics, render
 from rasterizer.blending import cpp_backend
 from rasterizer.cpp_projection import kernel, picture
@@ -121,10 +121,10 @@ def test_parallel_rays(near, by_front, by_python):
 
 DRAWN = [
     case
-    for case in edge_cases.EDGE_CASES
+    for case in stability.EDGE_CASES
     if case.refused is None and case.name != "100,000 layers"  # takes seconds
 ]
-REFUSED = [case for case in edge_cases.EDGE_CASES if case.refused is not None]
+REFUSED = [case for case in stability.EDGE_CASES if case.refused is not None]
 
 
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64], ids=str)

@@ -7,7 +7,7 @@ import pytest
 import torch
 from closeness import leaves, tensors, weights_like
 
-from gsedit.bench.renderer.edge_cases import EDGE_CASES
+from gsedit.bench.renderer.stability import EDGE_CASES
 from rasterizer import Execution, render
 from rasterizer.blending import cpp_backend
 

@@ -5,7 +5,7 @@ import torch
 from closeness import relative, weights_like
 from gsplat_call import cloud, ortho
 
-from gsedit.bench.renderer.edge_cases import EDGE_CASES
+from gsedit.bench.renderer.stability import EDGE_CASES
 from rasterizer import Numerics
 from rasterizer.project import project, rotation_matrices
 

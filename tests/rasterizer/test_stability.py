@@ -11,7 +11,7 @@ import torch
 from closeness import EPS32, leaves, relative, tensors, weights_like
 
 from gsedit.bench.renderer import stability
-from gsedit.bench.renderer.edge_cases import CROWD, EDGE_CASES, camera, gaussian
+from gsedit.bench.renderer.stability import CROWD, EDGE_CASES, camera, gaussian
 from rasterizer import Execution, Numerics, Rendering, render
 from rasterizer.blending import cpp_backend as compiled
 from rasterizer.numerics import Kernel
@@ -55,7 +55,7 @@ ERRORS_64 = {
 @pytest.mark.parametrize("name", BY_NAME)
 def test_every_edge_case_is_right_or_refused_by_name(name, dtype):
     case = BY_NAME[name]
-    row = stability.measure_edge_case(case, dtype, runs=1, execution=Execution(kernel="torch"))
+    row = stability.measure_edge_case(case, dtype, Execution(kernel="torch"))
     if case.refused is not None:
         assert row.outcome == "refused"
         assert re.match(case.refused, row.message)

@@ -9,7 +9,7 @@ from tiny_edits import PROMPT, SETTINGS, Watched, data, run, scene
 from gsedit import edit
 from gsedit.errors import UsageError
 from gsedit.measures.formulas import psnr
-from gsedit.paper.editors.command.editor import Command
+from gsedit.paper.editors.command import Command
 
 ALL = torch.ones(len(scene()), dtype=torch.bool)
 

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import torch
 
-from gsedit.bench.results import markdown_table, write_text
+from gsedit.bench.results import markdown_table
 from gsedit.capture.fitting.fit import FitResult, fit_steps
 from gsedit.capture.fitting.settings import QUALITIES, FitSettings
 from gsedit.errors import UsageError
@@ -177,7 +177,7 @@ def to_folder(
     """All fits, written to a folder: ROWS meanwhile, then TABLE and PLOT."""
     rows: list[FitMeasurement] = []
     yield from write_measurements(_all(settings, folder, read), folder / ROWS, rows)
-    write_text(folder / TABLE, table(rows) + "\n")
+    (folder / TABLE).write_text(table(rows) + "\n", encoding="utf-8")
     panels: dict[str, dict[str, list[tuple[float, float]]]] = {}
     for row in rows:
         line = panels.setdefault(row.capture, {}).setdefault(row.recipe, [])

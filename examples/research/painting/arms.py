@@ -34,7 +34,7 @@ from gsedit.paper.consistency.correspond import Correspondences, correspond
 from gsedit.paper.diffusion.settings import SamplerSettings
 from gsedit.paper.editors.painter.editor import Painter
 from gsedit.paper.protocol import EditBatch
-from gsedit.paper.unedited import render_with_depth
+from gsedit.paper.session import render_with_depth
 from gsedit.paper.view_plan import random_plan
 from gsedit.views.dataset import View
 from gsedit.views.image_ops import pad_camera, pad_to_multiple

@@ -23,8 +23,7 @@ from gsedit.measures.formulas import psnr
 from gsedit.measures.losses import gram
 from gsedit.measures.perceptual import INSTALL, perceptual_distance, vgg_features
 from gsedit.paper.editors.painter.editor import Painter
-from gsedit.paper.editors.painter.network import painted
-from gsedit.paper.editors.painter.picture_style import SIDE, load_picture_styles
+from gsedit.paper.editors.painter.network import SIDE, load_picture_styles, painted
 from gsedit.paper.view_plan import plan_views, survey, wholeness
 from gsedit.scene.picture import render_picture
 from gsedit.views.cameras_json import cameras_file, read_cameras

@@ -10,7 +10,7 @@ from statistics import fmean, geometric_mean
 from typing import Any, Literal, NamedTuple
 
 from gsedit.errors import InputError
-from gsedit.measures.interval import Interval, mean_interval
+from gsedit.measures.formulas import Interval, mean_interval
 from gsedit.run.atomic import atomic_path
 from research.figures import LOOKS
 

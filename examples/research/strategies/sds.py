@@ -9,8 +9,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from gsedit.errors import UsageError
-from gsedit.paper.diffusion.guidance import as_pair
-from gsedit.paper.diffusion.guided import predict_guided
+from gsedit.paper.diffusion.guidance import as_pair, predict_guided
 from gsedit.paper.diffusion.sampler import add_noise
 from gsedit.paper.edit_views import batch_of
 from gsedit.paper.editors.sampling import Counted, padded

@@ -10,9 +10,10 @@ import statistics
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from math import inf
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import TypeVar, cast
 
 import numpy as np
 import torch
@@ -34,15 +35,7 @@ from rasterizer.project import Box
 from rasterizer.reference import render_reference
 
 
-@dataclass(frozen=True, eq=False)
-class Workload:
-    """A scene and the camera that it is drawn from."""
-
-    scene: Gaussians
-    camera: Camera
-
-
-def garden(scale: float, path: Path) -> Workload:
+def garden(scale: float, path: Path) -> tuple[Gaussians, Camera]:
     """111,785 Gaussians and the first camera, of 648x420 pixels times `scale`.
 
     The points of mip-NeRF 360's garden (gsplat's test asset: means3d, colors, Ks, viewmats, width,
@@ -75,8 +68,7 @@ def garden(scale: float, path: Path) -> Workload:
     )
     fx, fy, cx, cy = (float(k[i, j]) for i, j in ((0, 0), (1, 1), (0, 2), (1, 2)))
     camera = Camera(pose, fx, fy, cx, cy, width, height)
-    camera = camera.resized(round(width * scale), round(height * scale))
-    return Workload(scene.to(torch.float32), camera)
+    return scene.to(torch.float32), camera.resized(round(width * scale), round(height * scale))
 
 
 GARDEN_SCALES = (1.0, 0.25)
@@ -102,29 +94,25 @@ class Case:
     """A picture, or a crop of one, and a loss of it: forward and backward are timed."""
 
     name: str
-    workload: Workload
+    scene: Gaussians
+    camera: Camera
     loss: Loss
     box: Box | None = None
     """Crop of the picture; None: all of it."""
 
     def job(self, draw: Draw, camera: Camera) -> Callable[[], None]:
         """The work, done by a renderer and with that camera."""
-        scene = self.workload.scene
 
         def run() -> None:
-            leaves = scene.map(lambda t: t.detach().requires_grad_())
+            leaves = self.scene.map(lambda t: t.detach().requires_grad_())
             inputs = [getattr(leaves, name) for name in FIELDS]
             torch.autograd.grad(self.loss(draw(leaves, camera)), inputs, allow_unused=True)
 
         return run
 
-    def own_job(self, kernel: Kernel) -> Callable[[], None]:
-        """The work, done by one of the rasterizer's kernels."""
-        return self.job(self.drawing(kernel), self.workload.camera)
-
     def reference_job(self) -> Callable[[], None]:
         """The work, done by the reference in float32: a crop is a picture of its own."""
-        camera = self.workload.camera
+        camera = self.camera
         if self.box is not None:
             left, top, width, height = self.box
             cx, cy = camera.cx - left, camera.cy - top
@@ -186,43 +174,36 @@ def cases(points: Path | None) -> list[Case]:
     """The garden at two sizes, a training step, a crop of it."""
     found = []
     for scale in GARDEN_SCALES if points is not None else ():
-        one = garden(scale, cast("Path", points))
-        found.append(_case(f"garden {one.camera.width}x{one.camera.height}", one, weighted_sum))
-    trained = Workload(
-        surface_gaussians(columns(), TRAINED_GAUSSIANS, torch.Generator().manual_seed(0)),
-        ring_cameras(columns(), 1, TRAINED_SIDE)[0],
-    )
-    found.append(_case("training step", trained, photometric_loss))
+        scene, camera = garden(scale, cast("Path", points))
+        size = (camera.width, camera.height)
+        found.append(Case("garden {}x{}".format(*size), scene, camera, weighted_sum(*size)))
+    scene = surface_gaussians(columns(), TRAINED_GAUSSIANS, torch.Generator().manual_seed(0))
+    camera = ring_cameras(columns(), 1, TRAINED_SIDE)[0]
+    photo = random_picture(TRAINED_SIDE, TRAINED_SIDE)
+    loss = partial(photometric, target=photo, dssim_weight=0.2, compiled=True)
     left = (TRAINED_SIDE - CROP_SIDE) // 2
-    return [*found, _case("crop", trained, weighted_sum, (left, left, CROP_SIDE, CROP_SIDE))]
+    box, of_crop = (left, left, CROP_SIDE, CROP_SIDE), weighted_sum(CROP_SIDE, CROP_SIDE)
+    found.append(Case("training step", scene, camera, loss))
+    return [*found, Case("crop", scene, camera, of_crop, box)]
 
 
-def _case(
-    name: str,
-    workload: Workload,
-    loss_of: Callable[[Float[Tensor, "h w 3"]], Loss],
-    box: Box | None = None,
-) -> Case:
-    width, height = box[2:] if box else (workload.camera.width, workload.camera.height)
-    pixels = torch.rand(height, width, 3, generator=torch.Generator().manual_seed(0))
-    return Case(name, workload, loss_of(pixels), box)
+def random_picture(width: int, height: int) -> Float[Tensor, "h w 3"]:
+    """Colors in [0, 1], the same at every call."""
+    return torch.rand(height, width, 3, generator=torch.Generator().manual_seed(0))
 
 
-def weighted_sum(weights: Float[Tensor, "h w 3"]) -> Loss:
-    """The picture's dot product with the weights: as good as no cost beside the renderer's."""
+def weighted_sum(width: int, height: int) -> Loss:
+    """The dot product with random weights: as good as no cost beside the renderer's."""
+    weights = random_picture(width, height)
     return lambda picture: (picture * weights).sum()
-
-
-def photometric_loss(photo: Float[Tensor, "h w 3"]) -> Loss:
-    """That of a fit; the same for every renderer."""
-    return lambda picture: photometric(picture, photo, 0.2, compiled=True)
 
 
 def measure_case(case: Case, runs: int) -> Iterator[Speed]:
     """Both kernels against the reference implementation."""
-    ours, _ = timed_together({kernel: case.own_job(kernel) for kernel in kernels()}, runs)
-    theirs, _ = timed(case.reference_job(), runs, REFERENCE_SECONDS)
-    scene, camera = case.workload.scene, case.workload.camera
+    scene, camera = case.scene, case.camera
+    jobs = {kernel: case.job(case.drawing(kernel), camera) for kernel in kernels()}
+    ours = timed_together(jobs, runs)
+    theirs = timed_together({"": case.reference_job()}, runs, REFERENCE_SECONDS)[""]
     exact = reference_of(scene, camera, case.box)
     for kernel in kernels():
         own = ours[kernel]
@@ -246,32 +227,24 @@ class Timing:
     """Processor time of all threads together."""
 
 
-def timed(work: Callable[[], Any], runs: int, budget: float = inf) -> tuple[Timing, Any]:
-    """Medians of a piece of work, and the result of its last run; see `timed_together`."""
-    timings, results = timed_together({"": work}, runs, budget)
-    return timings[""], results[""]
-
-
 def timed_together(
-    works: Mapping[Name, Callable[[], Any]], runs: int, budget: float = inf
-) -> tuple[dict[Name, Timing], dict[Name, Any]]:
-    """Medians after a warm-up, and results of the last runs, of works that take turns.
+    works: Mapping[Name, Callable[[], None]], runs: int, budget: float = inf
+) -> dict[Name, Timing]:
+    """Medians after a warm-up of works that take turns.
 
     No run begins once `budget` seconds are spent. Where the warm-up alone spends them, it is the
     one run that counts: slow work is not run twice.
     """
     began = time.perf_counter()
     samples: dict[Name, list[tuple[float, float]]] = {name: [] for name in works}
-    results: dict[Name, Any] = {}
     for turn in range(runs + 1):
         if turn and time.perf_counter() - began > budget:
             break
         for name, work in works.items():
-            results.pop(name, None)  # memory of the run before must not weigh on this one
             wall, cpu = time.perf_counter(), time.process_time()
-            results[name] = work()
+            work()
             samples[name].append((time.perf_counter() - wall, time.process_time() - cpu))
-    return {name: _medians(taken) for name, taken in samples.items()}, results
+    return {name: _medians(taken) for name, taken in samples.items()}
 
 
 def _medians(samples: list[tuple[float, float]]) -> Timing:

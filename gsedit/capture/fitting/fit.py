@@ -20,13 +20,12 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.capture.fitting.budget import Budget
 from gsedit.capture.fitting.densify import Densified, ScreenGradients, densify, without_floaters
 from gsedit.capture.fitting.exposure import Exposures
 from gsedit.capture.fitting.initial import initial_scene
 from gsedit.capture.fitting.optimizer import SceneOptimizer, optimized_scene
 from gsedit.capture.fitting.photometric import SMALLEST, photometric, supervised
-from gsedit.capture.fitting.settings import FitSettings
+from gsedit.capture.fitting.settings import LEAST_STEPS, FitSettings
 from gsedit.errors import UsageError
 from gsedit.measures.decibels import rmse_from_psnr
 from gsedit.measures.formulas import psnr
@@ -35,6 +34,7 @@ from gsedit.run.events import Checkpoint, Event
 from gsedit.run.json_lines import plain
 from gsedit.run.state import State, check_same, digest, digest_of, restoring, tensor_like
 from gsedit.run.step_threads import StepThreads
+from gsedit.run.stopwatch import Stopwatch
 from gsedit.scene.framing import finest_pixels
 from gsedit.scene.picture import render_picture
 from gsedit.views.dataset import Dataset, View
@@ -43,6 +43,55 @@ from rasterizer.blending.choose import is_compiled
 from rasterizer.numerics import under
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
+
+
+class Budget:
+    """Counts `step` and runs from its construction; None: no limit of that kind.
+
+    `step` and `spent` seconds were done before; seconds are the clock's.
+    """
+
+    def __init__(
+        self,
+        steps: int | None,
+        seconds: float | None,
+        *,
+        step: int = 0,
+        spent: float = 0.0,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._steps, self._seconds = steps, seconds
+        self._stopwatch = Stopwatch(spent, clock=clock)
+        self.step = step
+
+    def count_step(self) -> None:
+        """A step is done."""
+        self.step += 1
+
+    @property
+    def seconds(self) -> float:
+        """Since the construction, with those spent before."""
+        return self._stopwatch.seconds
+
+    @property
+    def progress(self) -> float:
+        """Fraction of the budget that is spent: of the steps or of the seconds, the larger; 1 where
+        the last step, or LEAST_STEPS, took longer."""
+        by_step = 0.0 if self._steps is None else self.step / self._steps
+        by_time = 0.0 if self._seconds is None else self.seconds / self._seconds
+        return min(1.0, max(by_step, by_time))
+
+    @property
+    def finished(self) -> bool:
+        """Whether all of it is spent, and LEAST_STEPS are done where there may be so many."""
+        least = LEAST_STEPS if self._steps is None else min(LEAST_STEPS, self._steps)
+        return self.progress >= 1 and self.step >= least
+
+    @property
+    def steps(self) -> int:
+        """Expected number of steps in the whole budget."""
+        return max(self.step, round(self.step / max(self.progress, 1e-9)))
+
 
 RATES = {"means": 6.4e-4, "quats": 4e-3, "log_scales": 4e-2, "logit_opacities": 1e-1, "sh": 4e-2}
 """Learning rates by field; that of positions times the scene's radius. Colors, opacities and
@@ -208,7 +257,10 @@ class _Fit:
         compiled = is_compiled(settings.execution)
         self.optimizer = SceneOptimizer(scene, rates, compiled=compiled)
         self.pyramid = pyramid(train, (pixels for _, pixels in settings.coarse))
-        self.costs = {side: step_cost(views) for side, views in self.pyramid.items()}
+        self.costs = {  # of a step on one of these views, in that of a step on no pixels
+            side: 1 + fmean(v.camera.width * v.camera.height for v in views) / EQUAL_PIXELS
+            for side, views in self.pyramid.items()
+        }
         self.work, self.began = 0.0, budget.seconds
         self.gradients = ScreenGradients(len(scene))
         self.started_with = len(scene)
@@ -406,11 +458,6 @@ def pyramid(views: Sequence[View], sides: Iterable[int]) -> dict[int | None, tup
     kept = PixelCache()
     coarse = {side: tuple(_coarse(view, side, kept) for view in views) for side in sides}
     return {None: tuple(views), **coarse}
-
-
-def step_cost(views: Sequence[View]) -> float:
-    """Cost of a step on one of these views, in that of a step on no pixels."""
-    return 1 + fmean(v.camera.width * v.camera.height for v in views) / EQUAL_PIXELS
 
 
 def _coarse(view: View, side: int, kept: PixelCache) -> View:

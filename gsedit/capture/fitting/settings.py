@@ -112,6 +112,10 @@ class UpdateSettings:
         return [term.name for term in parse_loss(self.loss)] == ["mse"]
 
 
+LEAST_STEPS = 10
+"""Steps that are made after the seconds too: reading the photos may take all of a short budget."""
+
+
 @dataclass(frozen=True)
 class FitSettings:
     """How a scene is fitted to photos. Fractions are of the budget: of the steps or the seconds,

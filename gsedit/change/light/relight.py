@@ -44,6 +44,8 @@ from rasterizer.camera import Camera
 from rasterizer.numerics import SH_DC, sh_to_color
 from rasterizer.scene import Gaussians
 
+Vectors = Float[Tensor, "n 3"]
+
 SKY_REACH = 0.5
 """Distance, in the radius, up to which something hides the sky: farther off, captures hold
 ceilings and haze."""
@@ -53,9 +55,9 @@ ceilings and haze."""
 class Surface:
     """Gaussians near the subject as light finds them, a row each."""
 
-    points: Float[Tensor, "n 3"]
+    points: Vectors
     """Centers in world units, float64."""
-    normals: Float[Tensor, "n 3"]
+    normals: Vectors
     """Outward unit vectors, float64."""
     confidence: Float[Tensor, " n"]
     """Confidence of the normals, in [0, 1]."""
@@ -174,16 +176,13 @@ def estimate_present(
     design = light_received.numpy()[rows]
     shown = np.clip(colors[rows].astype(np.float64), 0, 1)
     luminance = linear_of_srgb(shown) @ LUMINANCE
-    fitted = _fitted(design, luminance, _hues(shown), np.sqrt(seen[rows]))
+    squares = np.floor(lab_of_srgb(shown)[:, 1:] / HUE_STEP).astype(np.int64)
+    hues = np.unique(squares, axis=0, return_inverse=True)[1].reshape(-1)
+    fitted = _fitted(design, luminance, hues, np.sqrt(seen[rows]))
     weights = torch.from_numpy(fitted)
     light = light_received @ weights
     middle = float(light[torch.from_numpy(rows)].median().clamp_min(1e-6))
     return light.clamp(LEAST * middle, MOST * middle), weights
-
-
-def _hues(colors: Float64[np.ndarray, "m 3"]) -> Int64[np.ndarray, " m"]:
-    squares = np.floor(lab_of_srgb(colors)[:, 1:] / HUE_STEP).astype(np.int64)
-    return np.unique(squares, axis=0, return_inverse=True)[1].reshape(-1)
 
 
 def _fitted(
@@ -215,10 +214,10 @@ class ColorChange:
     """Change of display colors, for each Gaussian: its saturation, a factor, and a veil over it."""
 
     saturation: float
-    factor: Float[Tensor, "n 3"]
+    factor: Vectors
     veil: Float[Tensor, " n"]
     """Share, in [0, 1], that the veil's color replaces."""
-    veil_color: Float[Tensor, "n 3"]
+    veil_color: Vectors
 
     def applied(self, scene: Gaussians) -> Gaussians:
         """The scene with its colors changed, from every direction alike."""
@@ -264,7 +263,7 @@ GLEAM = 0.05
 """Share of the light that is added which any surface throws back, whatever its color."""
 
 
-def exposure(found: Survey, scene: Gaussians, ratio: Float[Tensor, "n 3"]) -> float:
+def exposure(found: Survey, scene: Gaussians, ratio: Vectors) -> float:
     """Factor, at least 1, of dim light, as eyes and cameras adapt: a gray day's night is no black.
 
     `ratio` is new light over present light. Stronger light stays brighter.
@@ -275,7 +274,7 @@ def exposure(found: Survey, scene: Gaussians, ratio: Float[Tensor, "n 3"]) -> fl
     return max(1.0, MIDDLE / max(mean, 1e-6)) ** ADAPTED
 
 
-def gleaming(scene: Gaussians, light: Float[Tensor, "n 3"]) -> Gaussians:
+def gleaming(scene: Gaussians, light: Vectors) -> Gaussians:
     """The scene with the dull shine that shows the shape of what is black."""
     sh = scene.sh.detach().clone()
     color = sh_to_color(sh[:, 0].double())
@@ -337,7 +336,7 @@ def relit_by(found: Survey, scene: Gaussians, setup: LightSetup) -> Gaussians:
 
 
 def patches_kept(
-    found: Survey, scene: Gaussians, mean: Float[Tensor, "3"], ratio: Float[Tensor, "n 3"]
+    found: Survey, scene: Gaussians, mean: Float[Tensor, "3"], ratio: Vectors
 ) -> Float[Tensor, " n"]:
     """Factor, at most 1, of what is far brighter than most of a scene, where new light is dim.
 
@@ -353,9 +352,7 @@ def patches_kept(
     return over ** -(PRESSED * step(mean @ weights, *DIM))
 
 
-def light_on(
-    surface: Surface, setup: LightSetup, sky: Float[Tensor, "n c"]
-) -> Float[Tensor, "n 3"]:
+def light_on(surface: Surface, setup: LightSetup, sky: Float[Tensor, "n c"]) -> Vectors:
     """Linear light of a setup's sky and sun on each Gaussian."""
     up, down = torch.tensor(setup.sky).double(), torch.tensor(setup.ground).double()
     total = sky[:, :-1].sum(1)[:, None] * up + sky[:, -1:] * down
@@ -364,7 +361,7 @@ def light_on(
     return total
 
 
-def _sunlight(surface: Surface, sun: Sun) -> Float[Tensor, "n 3"]:
+def _sunlight(surface: Surface, sun: Sun) -> Vectors:
     place = surface.place
     direction = place.direction(sun.azimuth, sun.elevation)
     shares = open_share(
@@ -375,7 +372,7 @@ def _sunlight(surface: Surface, sun: Sun) -> Float[Tensor, "n 3"]:
     return sun.strength * arrives[:, None] * torch.tensor(sun.color).double()
 
 
-def _lamplight(surface: Surface, lamp: Lamp) -> Float[Tensor, "n 3"]:
+def _lamplight(surface: Surface, lamp: Lamp) -> Vectors:
     place = surface.place
     direction = place.direction(lamp.azimuth, lamp.elevation)
     distance = lamp.distance * place.distance
@@ -397,11 +394,7 @@ def _lamplight(surface: Surface, lamp: Lamp) -> Float[Tensor, "n 3"]:
 
 
 def _change(
-    scene: Gaussians,
-    setup: LightSetup,
-    place: Place,
-    trust: Float[Tensor, " n"],
-    factor: Float[Tensor, "n 3"],
+    scene: Gaussians, setup: LightSetup, place: Place, trust: Float[Tensor, " n"], factor: Vectors
 ) -> ColorChange:
     """The change of colors: factors with a shoulder, then sky, then fog."""
     color = sh_to_color(scene.sh[:, 0].detach().double())
@@ -433,9 +426,7 @@ def sky_share(scene: Gaussians, place: Place, trust: Float[Tensor, " n"]) -> Flo
     return step(rise, *SKY_RISE) * step(luma, *SKY_BRIGHT) * (1 - trust) * cold
 
 
-def _fogged(
-    scene: Gaussians, fog: Fog | None, place: Place
-) -> tuple[Float[Tensor, " n"], Float[Tensor, "n 3"]]:
+def _fogged(scene: Gaussians, fog: Fog | None, place: Place) -> tuple[Float[Tensor, " n"], Vectors]:
     """Share of each Gaussian that fog hides, and the fog's color."""
     if fog is None:
         return torch.zeros(len(scene)).double(), torch.zeros(len(scene), 3).double()

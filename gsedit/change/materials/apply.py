@@ -316,7 +316,9 @@ def study(
     few = few_of(part, laid.count, near)
     directions, confidence = _normals(scene, inside, cameras, discs, near)
     center, radius = middle(scene, inside)
-    directions = _smoother(directions, few, near) if laid.count else directions
+    if laid.count:  # without the waves of a few discs' length; edges stay sharp
+        coarse = few.spread(smoothed(directions[few.rows], few.near).directions)
+        directions = smoothed(coarse, near).directions
     relief = carved(part, directions, near, few)
     normals = engraved(part.means, directions, relief, near)
     ground = _ground(part, normals, relief.hollow, up, (center, radius))
@@ -351,14 +353,6 @@ def _ground(
     turn = torch.from_numpy(turn_between(up.numpy(), np.array((0.0, 0.0, 1.0)))).to(part.means).T
     center, radius = ball
     return Ground((part.means - center) @ turn / max(radius, FAINT), normals @ turn, hollow)
-
-
-def _smoother(
-    normals: Float[Tensor, "m 3"], few: Few, near: Int[Tensor, "m k"]
-) -> Float[Tensor, "m 3"]:
-    """Normals of discs, without waves of a few discs' length; edges stay sharp."""
-    coarse = few.spread(smoothed(normals[few.rows], few.near).directions)
-    return smoothed(coarse, near).directions
 
 
 def _light(

@@ -32,6 +32,8 @@ from gsedit.views.surroundings import (
     softened,
 )
 
+Vectors = Float[Tensor, "n 3"]
+
 WAVES = 40
 """Plane waves of a noise on a subject: of 14, specks lean one way and patches are checkered."""
 OCTAVES = 4
@@ -43,9 +45,9 @@ LEAST_HOLLOW = 0.45
 class Ground:
     """Surface that patterns are on."""
 
-    points: Float[Tensor, "n 3"]
+    points: Vectors
     """Positions in radii of the subject, around its middle, +z up."""
-    normals: Float[Tensor, "n 3"]
+    normals: Vectors
     """Outward unit normals, in the same axes."""
     hollow: Float[Tensor, " n"]
     """How much the surface is hollow or carved there, in [0, 1]."""
@@ -56,7 +58,8 @@ def share_of(layer: Layer, ground: Ground) -> Float[Tensor, " n"]:
     field, width = _FIELDS[layer.pattern](ground, max(layer.scale, 1e-3))
     if not len(field):
         return field
-    edge = torch.quantile(_some(field), 1 - min(max(layer.share, 0.0), 1.0))
+    some = field[:: 1 + len(field) // 100_000]  # the quantile is the same
+    edge = torch.quantile(some, 1 - min(max(layer.share, 0.0), 1.0))
     least = LEAST_HOLLOW if layer.pattern == "crevices" else -torch.inf
     return torch.sigmoid((field - edge.clamp_min(least)) / width)
 
@@ -69,14 +72,12 @@ def coverage(layers: tuple[Layer, ...], ground: Ground) -> Float[Tensor, " n"]:
     return 1 - bare
 
 
-def grain(points: Float[Tensor, "n 3"], seed: int = 0) -> Float[Tensor, " n"]:
+def grain(points: Vectors, seed: int = 0) -> Float[Tensor, " n"]:
     """Noise of materials, with seeds apart from those of weather."""
     return noise(points, 1000 + seed, WAVES)
 
 
-def turbulence(
-    points: Float[Tensor, "n 3"], seed: int = 0, octaves: int = OCTAVES
-) -> Float[Tensor, " n"]:
+def turbulence(points: Vectors, seed: int = 0, octaves: int = OCTAVES) -> Float[Tensor, " n"]:
     """Noise of several sizes, each half as large and as strong as the one before."""
     return sum(
         (grain(points * 2**i, seed + i) / 2**i for i in range(octaves)),
@@ -84,7 +85,7 @@ def turbulence(
     )
 
 
-def _warped(points: Float[Tensor, "n 3"], strength: float, seed: int = 50) -> Float[Tensor, "n 3"]:
+def _warped(points: Vectors, strength: float, seed: int = 50) -> Vectors:
     shifts = [turbulence(points, seed + 10 * axis, 3) for axis in range(3)]
     return points + strength * torch.stack(shifts, -1)
 
@@ -109,10 +110,6 @@ def _grain(ground: Ground, scale: float) -> tuple[Tensor, float]:
     """Streaks along z, as in fibers and brushed metal."""
     stretched = ground.points / scale * ground.points.new_tensor((1.0, 1.0, 0.08))
     return turbulence(stretched, 2, 2), 0.5
-
-
-def _specks(ground: Ground, scale: float) -> tuple[Tensor, float]:
-    return grain(ground.points / scale) + 0.6 * grain(ground.points * (2.3 / scale), 5), 0.15
 
 
 def _patches(ground: Ground, scale: float) -> tuple[Tensor, float]:
@@ -141,14 +138,6 @@ def _bricks(ground: Ground, scale: float) -> tuple[Tensor, float]:
     return torch.maximum(across, 0.5 - 2 * (0.5 - along)), 0.02
 
 
-def _crevices(ground: Ground, scale: float) -> tuple[Tensor, float]:
-    return ground.hollow + 0.12 * turbulence(ground.points / scale, 31), 0.1
-
-
-def _up(ground: Ground, scale: float) -> tuple[Tensor, float]:
-    return ground.normals[:, 2] + 0.35 * turbulence(ground.points / scale, 37), 0.12
-
-
 def _flat(ground: Ground) -> tuple[Tensor, Tensor]:
     """Two coordinates along the surface: height, and the one across it that the normal faces
     least."""
@@ -159,22 +148,26 @@ def _flat(ground: Ground) -> tuple[Tensor, Tensor]:
     return u, torch.where(lies, torch.where(side[:, 0] > side[:, 1], x, y), z)
 
 
-def _some(field: Float[Tensor, " n"], at_most: int = 100_000) -> Float[Tensor, " m"]:
-    """Evenly spaced values: a quantile of more is the same."""
-    return field[:: 1 + len(field) // at_most]
-
-
 _FIELDS = {
     "veins": _veins,
     "rings": _rings,
     "grain": _grain,
-    "specks": _specks,
+    "specks": lambda ground, scale: (
+        grain(ground.points / scale) + 0.6 * grain(ground.points * (2.3 / scale), 5),
+        0.15,
+    ),
     "patches": _patches,
     "strata": _strata,
     "weave": _weave,
     "bricks": _bricks,
-    "crevices": _crevices,
-    "up": _up,
+    "crevices": lambda ground, scale: (
+        ground.hollow + 0.12 * turbulence(ground.points / scale, 31),
+        0.1,
+    ),
+    "up": lambda ground, scale: (
+        ground.normals[:, 2] + 0.35 * turbulence(ground.points / scale, 37),
+        0.12,
+    ),
 }
 
 
@@ -226,8 +219,8 @@ def ray_directions() -> Float[Tensor, "d 3"]:
 class Skin:
     """Surface of a subject, one row a Gaussian: where, how turned, how carved, what it sees."""
 
-    points: Float[Tensor, "n 3"]
-    normals: Float[Tensor, "n 3"]
+    points: Vectors
+    normals: Vectors
     detail: Float[Tensor, " n"]
     """Factor on the light for what is carved finer than the normals show."""
     past: Float[Tensor, "k d"]
@@ -263,7 +256,7 @@ class Skin:
         facing = self.cosines.clamp_min(0)
         return facing * self.open / facing.sum(1, keepdim=True).clamp_min(1e-6)
 
-    def open_to(self, ways: Float[Tensor, "n 3"]) -> Float[Tensor, "n 1"]:
+    def open_to(self, ways: Vectors) -> Float[Tensor, "n 1"]:
         """Share of the light from one direction each, between those that are known."""
         rays, weights = _rays_near()
         cell = cell_of(ways, ROWS)
@@ -282,7 +275,7 @@ def _rays_near() -> tuple[Int[Tensor, "c 3"], Float[Tensor, "c 3"]]:
 class Reflectance:
     """Parameters of a material at each Gaussian; colors in linear light."""
 
-    color: Float[Tensor, "n 3"]
+    color: Vectors
     metalness: Float[Tensor, " n"]
     roughness: Float[Tensor, " n"]
     coat: Float[Tensor, " n"]
@@ -393,12 +386,8 @@ def outgoing(
 
 
 def everywhere(
-    material: Material,
-    surface: Reflectance,
-    skin: Skin,
-    diffuse: Float[Tensor, "n 3"],
-    front: Float[Tensor, "n 3"],
-) -> Float[Tensor, "n 3"]:
+    material: Material, surface: Reflectance, skin: Skin, diffuse: Vectors, front: Vectors
+) -> Vectors:
     """Linear light that a matte skin sends to cameras, about alike in all directions.
 
     It reflects the light that arrives in `front`, as seen from USUAL_COSINE.
@@ -409,9 +398,7 @@ def everywhere(
     return (diffuse + gloss) * skin.detail[:, None] + surface.glow[:, None] * surface.color
 
 
-def body(
-    material: Material, surface: Reflectance, sides: Float[Tensor, "n 2 3"]
-) -> Float[Tensor, "n 3"]:
+def body(material: Material, surface: Reflectance, sides: Float[Tensor, "n 2 3"]) -> Vectors:
     """Light that bodies send alike in all directions: albedo times what arrives, and what has gone
     through, softer and deeper in color."""
     front, back = sides.unbind(1)

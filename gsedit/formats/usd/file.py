@@ -250,7 +250,9 @@ def write(path: Path, header: SceneHeader, blocks: Blocks) -> int:
             "comments": [" ".join(c.split()) for c in comments if not c.startswith(PROGRAM)],
         }  # fmt: skip
         (folder / "record.json").write_text(json.dumps(record), encoding="utf-8")
-        write_folder(folder, path, size)
+        reason = _run("write", folder, path, size, ALWAYS_BYTES + TEXT * size)
+        if reason is not None:
+            raise GseditError(f"{path} could not be written ({reason}): write another format")
     finally:
         shutil.rmtree(folder)
     return len(table)
@@ -298,14 +300,6 @@ def values_of(path: Path) -> Scratch:
     if reason is not None:
         raise InputError(f"{path} cannot be read as USD ({reason}): export it again")
     return scratch
-
-
-def write_folder(folder: Path, path: Path, size: int) -> None:
-    """Write the rows in a folder, `size` bytes, by the suffix of `path`. Raises GseditError where
-    the library fails."""
-    reason = _run("write", folder, path, size, ALWAYS_BYTES + TEXT * size)
-    if reason is not None:
-        raise GseditError(f"{path} could not be written ({reason}): write another format")
 
 
 def check_installed(path: Path) -> None:

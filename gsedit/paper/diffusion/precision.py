@@ -1,7 +1,9 @@
-"""Networks in bfloat16, where the processor has it and the error is small."""
+"""How much memory is free; and networks in bfloat16, where the processor has it and the error is
+small."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,6 +14,48 @@ from torch import Tensor
 
 from gsedit.paper.diffusion.guidance import Around, Branches, Need, Predictor
 from gsedit.paper.diffusion.settings import Precision
+
+GB = 1e9
+SHARE = 0.5
+"""Share of the free memory that is used where no budget is given: the scene and the caller need
+some."""
+
+
+def free_bytes() -> int:
+    """Memory that new work can have: the system's, or less where a container has a limit."""
+    return min(_system_bytes(), _container_bytes())
+
+
+def _system_bytes() -> int:
+    try:
+        lines = Path("/proc/meminfo").read_text().splitlines()
+        available = next(line for line in lines if line.startswith("MemAvailable:"))
+        return int(available.split()[1]) * 1024
+    except (OSError, StopIteration, ValueError):
+        pass
+    try:  # where the free memory is not reported: the whole memory
+        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    except (AttributeError, OSError, ValueError):
+        return int(4 * GB)
+
+
+def _container_bytes(folder: Path = Path("/sys/fs/cgroup")) -> int:
+    """Bytes that are left below the limit of a container (cgroup v2)."""
+    try:
+        limit, used = ((folder / name).read_text() for name in ("memory.max", "memory.current"))
+        return max(int(limit) - int(used), 0)
+    except (OSError, ValueError):  # no such limit, or "max"
+        return 1 << 62  # unlimited
+
+
+def most_bytes() -> int:
+    """The most memory that this process has had so far; 0 where the system does not say."""
+    try:
+        lines = Path("/proc/self/status").read_text().splitlines()
+        return next(int(line.split()[1]) * 1024 for line in lines if line.startswith("VmHWM:"))
+    except (OSError, StopIteration, ValueError):
+        return 0
+
 
 MAX_ERROR = 0.02
 """Relative RMS error of a guided prediction up to which bfloat16 is taken. Its rounding alone

@@ -18,15 +18,16 @@ from torch import Tensor
 
 from gsedit.errors import UsageError
 from gsedit.paper.diffusion.guidance import (
+    Guided,
     Latents,
     Pair,
     Prediction,
     Predictor,
     as_pair,
+    check_finite,
     clean_of,
     noise_of,
 )
-from gsedit.paper.diffusion.guided import Guided, check_finite
 from gsedit.paper.diffusion.schedules import NoiseLevel, Schedule
 from gsedit.paper.diffusion.settings import SamplerSettings
 

@@ -21,17 +21,24 @@ in log s: 20 Euler steps of it diverge. A narrow one overshoots to 7.5 m - 6 z.)
 Choice. A view's cells choose their variant together, by <q, m_j - m_k> / s^2. Were it read off the
 pixels, some 10^5 of them would decide it in the first step, before views can agree, and in favour
 of the variant towards which guidance overshoots. So the picture's share of the latent is small
-(`Distribution.radius`), the noise hides it at first, and the codes decide: equally far from each
-other and from the unedited picture, hence equally likely, and of a size (`Distribution.code`) at
+(RADIUS), the noise hides it at first, and the codes decide: equally far from each
+other and from the unedited picture, hence equally likely, and of a size (CODE_NORM) at
 which the decision falls into the consensus window. Without consensus every view chooses by its own
 noise.
+
+The variants are of looks that a sentence names. A look maps each pixel by its own color alone, so
+one surface point gets one edited color in every view. `h w` pixels, sRGB in [0, 1]; colors are
+given as hexadecimal codes separated by blanks, from dark to bright.
 """
 
 from __future__ import annotations
 
 import math
+import re
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
+from pathlib import Path
 from typing import NamedTuple
 
 import torch
@@ -39,11 +46,186 @@ import torch.nn.functional as F
 from jaxtyping import Float
 from torch import Tensor
 
+from gsedit.change.light.relight import step
+from gsedit.change.tables import Row, read_table
+from gsedit.errors import UsageError
 from gsedit.paper.diffusion.guidance import Branches, Need, Prediction
 from gsedit.paper.diffusion.schedules import Schedule
-from gsedit.paper.editors.looks import VARIANTS, agreed_variant, parse
 from gsedit.paper.protocol import Capabilities, GroundTruth
+from gsedit.scene.color_space import srgb_of_hex
 from gsedit.views.image_ops import PadMode, rotate_hue
+from gsedit.words.read import read_instruction
+
+VARIANTS = 3
+Image = Float[Tensor, "*v h w 3"]
+Grey = Float[Tensor, "*v h w 1"]
+Values = Float[Tensor, "*d"]
+ColorMap = Callable[[Image], Image]
+
+LUMA = (0.299, 0.587, 0.114)  # Rec. 601: weights of gamma-coded R, G, B
+
+
+def luma(images: Image) -> Grey:
+    """Brightness of gamma-coded colors (Rec. 601)."""
+    return (images * images.new_tensor(LUMA)).sum(-1, keepdim=True)
+
+
+def colors(codes: str) -> list[list[float]]:
+    """Hexadecimal codes, separated by blanks, as (red, green, blue) in [0, 1]."""
+    return [srgb_of_hex(code).tolist() for code in codes.split()]
+
+
+def gradient_map(brightness: Grey, codes: str) -> Image:
+    """Colors evenly spaced over brightness 0 to 1, linear in between."""
+    stops = brightness.new_tensor(colors(codes))
+    position = brightness.clamp(0, 1) * (len(stops) - 1)
+    # a sum of hinges: unlike a table look-up it keeps gradients, and the leading axes
+    slopes = stops.diff(dim=0)
+    slope_changes = torch.cat((slopes[:1], slopes.diff(dim=0)))
+    hinges = (position - torch.arange(len(slope_changes)).to(position)).clamp_min(0)
+    return stops[0] + hinges @ slope_changes
+
+
+def s_curve(x: Values, amount: float) -> Values:
+    """An S-curve about 0.45, where outdoor photos have their middle; 0 changes nothing."""
+    return x + amount * (step(x, 0.0, 0.9) - x)
+
+
+def ramp(codes: str, *, keep: float = 0.1, contrast: float = 0.6, gamma: float = 1.5) -> ColorMap:
+    """Brightness becomes a color; `keep` of the original's color differences stays."""
+
+    def apply(images: Image) -> Image:
+        grey = luma(images)
+        toned = gradient_map(s_curve(grey, contrast).clamp(0, 1) ** gamma, codes)
+        return toned + keep * (images - grey)
+
+    return apply
+
+
+def snow(shade: str, bright: str, *, depth: float) -> ColorMap:
+    """Bright, dull pixels are covered; dark or colorful ones still show through."""
+
+    def apply(images: Image) -> Image:
+        grey = luma(images)
+        chroma = images.amax(-1, keepdim=True) - images.amin(-1, keepdim=True)
+        cover = step(grey - 0.25 * chroma, 0.55 - depth, 0.85 - depth)
+        bare = gradient_map(s_curve(grey, 0.5), f"0a0f18 {shade} {bright}") + 0.25 * (images - grey)
+        fallen = images.new_tensor(colors(bright)[0]) * (0.5 + 0.5 * step(grey, 0.0, 1.0))
+        return bare + cover * (fallen - bare)
+
+    return apply
+
+
+def foliage(leaf: str, tint: str) -> ColorMap:
+    """Greens turn to a leaf color of their own brightness; the rest is warmed."""
+
+    def apply(images: Image) -> Image:
+        red, green, blue = images.split(1, -1)
+        grey = luma(images)
+        leafy = step(green - 0.5 * (red + blue), 0.0, 0.08)
+        turned = gradient_map(s_curve(grey * 1.25, 0.5), f"140603 {leaf}")
+        warmed = grey + 1.15 * (images - grey)
+        warmed = s_curve(warmed, 0.3) * images.new_tensor(colors(tint)[0])
+        return warmed + leafy * (turned - warmed)
+
+    return apply
+
+
+def veined(codes: str, vein: str) -> ColorMap:
+    """A ramp with thin veins along lines of equal brightness, so they stay on the surface."""
+    base = ramp(codes, keep=0.04, contrast=0.35)
+
+    def apply(images: Image) -> Image:
+        phase = 6.0 * luma(images) + 1.5 * (images[..., :1] - images[..., 2:])
+        line = (-((torch.sin(torch.pi * phase) / 0.12) ** 2)).exp()
+        image = base(images)
+        return image + 0.15 * line * (images.new_tensor(colors(vein)[0]) - image)
+
+    return apply
+
+
+MAPS: dict[str, Callable[..., ColorMap]] = {
+    "ramp": ramp, "snow": snow, "foliage": foliage, "veined": veined,
+}  # fmt: skip
+
+
+def _variants(row: Row) -> tuple[ColorMap, ...]:
+    return tuple(
+        MAPS[name.split()[0]](**{key: _codes_of(value) for key, value in values.items()})
+        for name, values in row.parts
+    )
+
+
+def _codes_of(value: str | float) -> str | float:
+    return value.replace("#", "").replace("/", " ") if isinstance(value, str) else value
+
+
+_ROWS = read_table(Path(__file__).with_name("looks.txt"))["looks"]
+LOOKS = {words.split()[0]: _variants(row) for words, row in _ROWS.items()}
+"""Variants by name, in the order in which they are listed."""
+NAMES = {word.replace("-", " "): words.split()[0] for words in _ROWS for word in words.split()}
+"""Looks by the words that ask for them, lower case; a word may be a phrase."""
+PATTERN = re.compile(rf"\b(?:{'|'.join(sorted(NAMES, key=len, reverse=True))})\b")
+STATUE = re.compile(r"\b(?:statue|sculpture|petrified)\b")  # stone, unless a look is named
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """Looks applied one after the other: what an instruction means."""
+
+    names: tuple[str, ...]
+
+    def variant(self, images: Image, k: int) -> Image:
+        """The k-th variant of every look in turn, in [0, 1]."""
+        for name in self.names:
+            images = LOOKS[name][k](images).clamp(0, 1)
+        return images
+
+    def variants(self, images: Float[Tensor, "v h w 3"]) -> Float[Tensor, "k v h w 3"]:
+        """All variants, in [0, 1]."""
+        return torch.stack([self.variant(images, k) for k in range(VARIANTS)])
+
+
+def parse(prompt: str) -> Recipe:
+    """The looks that an instruction names, in the order of its words; if none, those of the changes
+    that are read in it (gsedit.words).
+
+    Raises UsageError for an instruction that is empty or asks for none of them.
+    """
+    text = " ".join(re.findall(r"[a-z]+", prompt.lower()))
+    if not text:
+        raise UsageError('the instruction is empty: say what to change, e.g. "make it snow"')
+    read = read_instruction(prompt)
+    if read.refusal == "negation":
+        raise UsageError(f"{prompt.strip()!r}: {read.why}")
+    understood = " ".join(change.name for change in read.changes)
+    names = _named(understood)
+    if not read.known:
+        names = names or _named(text) or ["stone"] * bool(STATUE.search(text))
+    if not names:
+        raise UsageError(
+            f"the closed-form editor does not know {prompt.strip()!r}; it knows "
+            f"{', '.join(LOOKS)}. For any instruction: --editor pix2pix --model FOLDER "
+            "(InstructPix2Pix weights)"
+        )
+    return Recipe(tuple(dict.fromkeys(names)))
+
+
+def _named(text: str) -> list[str]:
+    return [NAMES[match.group()] for match in PATTERN.finditer(text)]
+
+
+def agreed_variant(
+    recipe: Recipe, edited: Float[Tensor, "v h w 3"], originals: Float[Tensor, "v h w 3"]
+) -> tuple[int, tuple[int, ...]]:
+    """The variant that most views show, and each view's own (nearest in squared error).
+
+    A tie goes to the lower index.
+    """
+    errors = (recipe.variants(originals) - edited).square().mean((-3, -2, -1))
+    votes = tuple(int(k) for k in errors.argmin(0))
+    return max(range(VARIANTS), key=votes.count), votes
+
 
 CODE = 2  # channels of a cell that encode its variant: a triangle lies in a plane
 CELL_PIXELS = (
@@ -62,37 +244,23 @@ def fine_schedule() -> Schedule:
     return Schedule(1 / (1 + (s * s.clamp_max(1) ** 2) ** 2))
 
 
-@dataclass(frozen=True)
-class Perturbation:
-    """How 2D editors differ from view to view, as standard deviations.
-
-    Single views of a detailed photo are then 23 to 26 dB from the unperturbed variant, which shows
-    when they are flicked through; the mean of four views comes back to 27 to 31 dB.
-    """
-
-    gain: float = 0.05
-    """Standard deviation of the factor on all values, about 1: exposures differ; three sigma are a
-    fifth of a stop."""
-    hue: float = 4.0
-    """Degrees about the grey axis: tints differ, names of colors do not."""
-    shift: float = 0.35
-    """Pixels along each axis: a latent cell is 8, so structure is placed to a fraction of it."""
-
-
-@dataclass(frozen=True)
-class Distribution:
-    """Sizes and widths of the distributions, in units of the noise unless stated."""
-
-    radius: float = 2.5
-    """Norm of the latent of a picture that is black or white everywhere, of any size: at the end of
-    the consensus window (s = 4), variants half as far apart are still less than one sigma apart."""
-    code: float = 4.5
-    """Norm of all codes of a picture. Measured with 4 views over 12 seeds: from 2 to 3.5 views with
-    few matches do not agree yet; from 6.5 on each view has chosen before consensus acts."""
-    width: float = 0.03
-    """w, standard deviation of a component in pixel values of [-1, 1]: below what is visible."""
-    share: float = 0.1
-    """a, the share of this edit in the image branch; agreement hardly depends on it."""
+GAIN, HUE, SHIFT = 0.05, 4.0, 0.35
+"""How 2D editors differ from view to view, as standard deviations: of the factor on all values,
+about 1 (exposures differ; three sigma are a fifth of a stop); degrees about the grey axis (tints
+differ, names of colors do not); pixels along each axis (a latent cell is 8). Single views of a
+detailed photo are then 23 to 26 dB from the unperturbed variant, which shows when they are flicked
+through; the mean of four views comes back to 27 to 31 dB."""
+RADIUS = 2.5
+"""Norm of the latent of a picture that is black or white everywhere, of any size, in units of the
+noise: at the end of the consensus window (s = 4), variants half as far apart are still less than
+one sigma apart."""
+CODE_NORM = 4.5
+"""Norm of all codes of a picture. Measured with 4 views over 12 seeds: from 2 to 3.5 views with few
+matches do not agree yet; from 6.5 on each view has chosen before consensus acts."""
+WIDTH = 0.03
+"""w, standard deviation of a component in pixel values of [-1, 1]: below what is visible."""
+SHARE = 0.1
+"""a, the share of this edit in the image branch; agreement hardly depends on it."""
 
 
 class Mixture(NamedTuple):
@@ -148,8 +316,8 @@ class Condition(NamedTuple):
 class ClosedForm:
     """The Denoiser: exact scores on a latent that is the picture itself, cell by cell."""
 
-    perturbation: Perturbation = Perturbation()
-    distribution: Distribution = Distribution()
+    spread: float = 1.0
+    """Factor of how much the edits of views differ."""
     schedule: Schedule = field(default_factory=fine_schedule)
     name: str = "closed-form"
     cell: int = CELL_PIXELS
@@ -181,25 +349,24 @@ class ClosedForm:
         self, originals: Float[Tensor, "v h w 3"], prompt: str, generator: torch.Generator
     ) -> Condition:
         """Draws the perturbation of each view and places the components. Raises UsageError."""
-        variants = perturb(parse(prompt).variants(originals), self.perturbation, generator)
+        variants = perturb(parse(prompt).variants(originals), self.spread, generator)
         base = self.encode(originals)
         offsets = torch.stack([self.encode(variant) for variant in variants]) - base
         offsets[:, :, -CODE:] = self._codes(base)[:, None]
-        width = self.distribution.width * self._scale(originals.shape[1:3].numel())
+        width = WIDTH * self._scale(originals.shape[1:3].numel())
         # weights pi_k such that from the noised original every variant is as likely as another, at
         # the first time of 20 steps at strength 0.98
         ab = self.schedule.alpha(932)
         variance = width**2 + (1 - ab) / ab
         energy = offsets.flatten(2).double().square().sum(-1).T
         log_weights = (energy / (2 * variance)).log_softmax(-1)
-        share = self.distribution.share
-        unedited = log_weights.new_full((len(base), 1), math.log1p(-share))
+        unedited = log_weights.new_full((len(base), 1), math.log1p(-SHARE))
         return Condition(
             Mixture(base, offsets, log_weights, width),
             Mixture(
                 base,
                 torch.cat((torch.zeros_like(offsets[:1]), offsets)),
-                torch.cat((unedited, log_weights + math.log(share)), 1),
+                torch.cat((unedited, log_weights + math.log(SHARE)), 1),
                 width,
             ),
         )
@@ -242,14 +409,12 @@ class ClosedForm:
         """The corners of a regular triangle about 0, the same in every cell."""
         y, x = latents.shape[2:]
         angles = 2 * torch.pi / VARIANTS * torch.arange(VARIANTS).to(latents)
-        corners = torch.stack((angles.cos(), angles.sin()), 1) * (
-            self.distribution.code / (y * x) ** 0.5
-        )
+        corners = torch.stack((angles.cos(), angles.sin()), 1) * (CODE_NORM / (y * x) ** 0.5)
         return corners[:, :, None, None].expand(-1, -1, y, x)
 
     def _scale(self, pixels: int) -> float:
         """Latent units per unit of a value in [-1, 1]."""
-        return self.distribution.radius / math.sqrt(3 * pixels)
+        return RADIUS / math.sqrt(3 * pixels)
 
 
 def _prior_mean(
@@ -265,20 +430,21 @@ def _prior_mean(
 
 
 def perturb(
-    variants: Float[Tensor, "k v h w 3"], perturbation: Perturbation, generator: torch.Generator
+    variants: Float[Tensor, "k v h w 3"], spread: float, generator: torch.Generator
 ) -> Float[Tensor, "k v h w 3"]:
     """Each view's own gain, hue and shift, the same for all its variants; in [0, 1]."""
     views = variants.shape[1]
-    draws = torch.randn(views, 4, generator=generator, dtype=torch.float64).to(variants)
-    gain = 1 + perturbation.gain * draws[:, 0]
+    draws = torch.randn(views, 4, generator=generator, dtype=torch.float64)
+    draws = spread * draws.to(variants)
+    gain = 1 + GAIN * draws[:, 0]
     turned = torch.stack(
         [
-            rotate_hue(images, perturbation.hue * float(angle))
+            rotate_hue(images, HUE * float(angle))
             for images, angle in zip(variants.unbind(1), draws[:, 1])
         ],
         1,
     )
-    shifted = torch.stack([_shift(images, perturbation.shift * draws[:, 2:]) for images in turned])
+    shifted = torch.stack([_shift(images, SHIFT * draws[:, 2:]) for images in turned])
     return (shifted * gain[:, None, None, None]).clamp(0, 1)
 
 

@@ -18,6 +18,9 @@ from gsedit.errors import GseditError, UsageError
 
 Factory = Callable[..., Any]
 Missing = Callable[[], Iterable[str]]
+EXAMPLE = '--run "my_editor {input} {output} {prompt}"'
+MASK_EXAMPLE = '--masks-run "my_segmenter {input} {output} {phrase}"'
+"""Options that name a program of the user's."""
 OFFERED = ("folder", "precision")
 """Options that are offered to every plugin, and taken by those that have them."""
 UNLISTED = ("folder", "precision", "timeout")

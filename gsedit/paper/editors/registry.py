@@ -18,8 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gsedit.errors import GseditError, UsageError
-from gsedit.paper.editors.command import EXAMPLE, MASK_EXAMPLE
-from gsedit.paper.editors.plugins import Listing, Plugins
+from gsedit.paper.editors.plugins import EXAMPLE, MASK_EXAMPLE, Listing, Plugins
 
 if TYPE_CHECKING:
     from gsedit.paper.diffusion.settings import Precision
@@ -86,11 +85,6 @@ def _libraries_missing() -> Iterable[str]:
         yield f"{', '.join(absent)}: pip install 'gsedit[diffusers]'"
 
 
-def _diffusers_missing() -> Iterable[str]:
-    yield from _libraries_missing()
-    yield f"a model: add {_models()}"
-
-
 def _pix2pix_missing() -> Iterable[str]:
     from gsedit.paper.models import hub
 
@@ -105,21 +99,16 @@ def _command(
     run: str | None = None, timeout: float | None = None, folder: Path | None = None
 ) -> Editor:
     """Any program that reads a folder of pictures and fills another; made consistent afterwards."""
-    from gsedit.paper.editors.command.editor import Command
+    from gsedit.paper.editors.command import Command
 
     if run is None:
         raise UsageError(f"the command editor needs to know the program: add {EXAMPLE}")
     return Command(run, timeout, folder)
 
 
-def _command_missing() -> Iterable[str]:
-
-    yield f"a program of yours: {EXAMPLE}"
-
-
 def _mask_command(run: str | None = None) -> MaskProvider:
     """A program of yours: --masks-run "my_segmenter {input} {output} {phrase}"."""
-    from gsedit.paper.editors.command.editor import MaskCommand
+    from gsedit.paper.editors.command import MaskCommand
 
     if run is None:
         raise UsageError(f"--masks command needs to know the program: add {MASK_EXAMPLE}")
@@ -160,8 +149,8 @@ EDITORS = Plugins(
         "painter": (_painter, tuple),
         "closed-form": (_closed_form, tuple),
         "pix2pix": (_pix2pix, _pix2pix_missing),
-        "diffusers": (_diffusers, _diffusers_missing),
-        "command": (_command, _command_missing),
+        "diffusers": (_diffusers, lambda: (*_libraries_missing(), f"a model: add {_models()}")),
+        "command": (_command, lambda: (f"a program of yours: {EXAMPLE}",)),
     },
     parts=("name", "cell", "check", "edit", "capabilities"),
 )

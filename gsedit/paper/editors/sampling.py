@@ -17,10 +17,16 @@ from torch import Tensor
 
 from gsedit.errors import UsageError
 from gsedit.paper.consistency.consensus import share_noise
-from gsedit.paper.diffusion.guidance import Around, Branches, Need, Predictor, needed
-from gsedit.paper.diffusion.guided import branches_of, predict_guided
-from gsedit.paper.diffusion.memory import most_bytes
-from gsedit.paper.diffusion.precision import InBfloat16, with_precision
+from gsedit.paper.diffusion.guidance import (
+    Around,
+    Branches,
+    Need,
+    Predictor,
+    branches_of,
+    needed,
+    predict_guided,
+)
+from gsedit.paper.diffusion.precision import InBfloat16, most_bytes, with_precision
 from gsedit.paper.diffusion.sampler import Anchor, Hook, add_noise, sample
 from gsedit.paper.diffusion.settings import SamplerSettings
 from gsedit.paper.protocol import (

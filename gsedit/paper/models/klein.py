@@ -238,12 +238,6 @@ def _places(picture: int, latents: Latents) -> Int[Tensor, "n 4"]:
     return torch.cartesian_prod(one + picture, rows, columns, one)
 
 
-def _text_places(text: Tensor) -> Int[Tensor, "l 4"]:
-    """Positions of the text's tokens: (0, 0, 0, number)."""
-    numbers = torch.arange(text.shape[1])
-    return torch.nn.functional.pad(numbers[:, None], (3, 0))
-
-
 def _with_reference(
     transformer: Any, tokens: Tensor, reference: Tensor, time: Tensor, text: Tensor, places: Tensor
 ) -> Tensor:
@@ -252,6 +246,6 @@ def _with_reference(
         hidden_states=torch.cat((tokens, reference), 1),
         timestep=time,
         encoder_hidden_states=text,
-        txt_ids=_text_places(text),
+        txt_ids=torch.nn.functional.pad(torch.arange(text.shape[1])[:, None], (3, 0)),
         img_ids=places,
     ).sample[:, : tokens.shape[1]]

@@ -12,7 +12,7 @@ from typing import Any
 import torch
 
 from gsedit.errors import InputError, UsageError
-from gsedit.paper.diffusion.memory import GB, SHARE, free_bytes
+from gsedit.paper.diffusion.precision import GB, SHARE, free_bytes
 from gsedit.paper.diffusion.settings import Precision
 from gsedit.paper.models.hub import (
     INDEX,
@@ -92,7 +92,7 @@ class Parts:
                 f"{self.folder / name} has weights of another shape than its config.json "
                 f"({wrong[0]}): the two are of different models; download both again"
             )
-        return _frozen(network)
+        return network.eval().requires_grad_(False)  # score distillation needs none of weights
 
     def text_network(
         self, name: str, used: Callable[[Any], Any] = lambda each: each
@@ -152,10 +152,6 @@ class Parts:
         path = str(self.folder / name)
         with explained(path), quiet():
             return kind.from_pretrained(path, local_files_only=True, **options)
-
-
-def _frozen(network: Any) -> Any:
-    return network.eval().requires_grad_(False)  # score distillation needs no gradients of weights
 
 
 @contextmanager

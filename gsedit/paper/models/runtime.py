@@ -29,8 +29,7 @@ from torch import Tensor
 from torch.utils._python_dispatch import _disable_current_modes
 
 from gsedit.errors import GseditError, UsageError
-from gsedit.paper.diffusion.memory import GB, free_bytes
-from gsedit.paper.diffusion.precision import MAX_ERROR, relative_error
+from gsedit.paper.diffusion.precision import GB, MAX_ERROR, free_bytes, relative_error
 from gsedit.run.environment import installed_version
 from rasterizer.compiled import cache_folder
 

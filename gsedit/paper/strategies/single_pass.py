@@ -10,7 +10,6 @@ from gsedit.paper.strategies._settings import check_steps
 
 if TYPE_CHECKING:
     from gsedit.paper.actions import Action
-    from gsedit.paper.request import Request
     from gsedit.paper.session import Session
 
 NOISE_ALONE = 0.95
@@ -48,15 +47,13 @@ def single_pass(session: Session, update_steps: int, total: int) -> Iterator[Act
     from gsedit.paper.actions import EditViews, fit_round
 
     batches = session.plan.batches
-    at_end = session.request.solves and not starts_from_scene(session.request)
+    request = session.request
+    # whether sampling begins at a picture of the scene, and not at hardly more than noise
+    is_sampler = request.editor.capabilities.denoiser is not None
+    from_scene = is_sampler and request.settings.sampler.strength < NOISE_ALONE
+    at_end = request.solves and not from_scene
     for number, batch in enumerate(batches):
         yield EditViews(batch, number + 1, len(batches))
         done = number * update_steps
         if not at_end or number + 1 == len(batches):
             yield from fit_round(session, update_steps, done=done, total=total)
-
-
-def starts_from_scene(request: Request) -> bool:
-    """Whether sampling begins at a picture of the scene, and not at hardly more than noise."""
-    is_sampler = request.editor.capabilities.denoiser is not None
-    return is_sampler and request.settings.sampler.strength < NOISE_ALONE

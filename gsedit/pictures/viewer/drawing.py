@@ -18,6 +18,7 @@ from torch import Tensor
 
 from gsedit.errors import UsageError
 from gsedit.formats.pictures import eight_bits, save_picture
+from gsedit.formats.ply.inria import field_columns
 from gsedit.pictures.viewer.libraries import check_drawing, check_screen, import_pyvista
 from gsedit.pictures.viewer.point_clouds import solid, splat_colors
 from gsedit.run.environment import load_extra
@@ -76,32 +77,17 @@ def attribute(
         return Attribute(
             np.asarray(extra[name], dtype=np.float64), f"{name}, as in the file", False
         )
-    if (column := stored_column(scene, name)) is not None:
-        return Attribute(column.double().cpu().numpy(), f"{name}, as in INRIA's .ply", False)
+    table = table_of(scene)
+    for field_name, columns in field_columns(table.sh.shape[1]).items():
+        if name in columns:
+            column = getattr(table, field_name)[:, columns == name][:, 0].astype(np.float64)
+            return Attribute(column, f"{name}, as in INRIA's .ply", False)
     known = (*NAMES, *(extra or ()))
     close = get_close_matches(name, known, 1)
     move = (
         f"did you mean {close[0]}?" if close else f"choose one of {', '.join(known)}, f_dc_0, ..."
     )
     raise UsageError(f"there is nothing named '{name}' to color by: {move}")
-
-
-def stored_column(scene: Gaussians, name: str) -> torch.Tensor | None:
-    """The column of INRIA's .ply of that name, as it is stored; None where there is none."""
-    stem, _, number = name.rpartition("_")
-    if not number.isdigit():
-        return None
-    fields = {
-        "f_dc": scene.sh[:, 0],
-        # channel-major: all coefficients of red, then of green, then of blue
-        "f_rest": scene.sh[:, 1:].transpose(1, 2).flatten(1),
-        "scale": scene.log_scales,
-        "rot": scene.quats,
-    }
-    field = fields.get(stem)
-    if field is None or int(number) >= field.shape[1]:
-        return None
-    return field[:, int(number)]
 
 
 def limits(attributes: list[Attribute]) -> tuple[float, float]:
@@ -169,7 +155,10 @@ def make_plotter(
     pyvista = import_pyvista()
     attributes = None
     if look.color_by not in (COLOR, SELECTION):
-        check_colormap(look.colormap)
+        if look.colormap not in load_extra("matplotlib", "a color map").colormaps:
+            raise UsageError(
+                f"'{look.colormap}' is no color map of matplotlib: try viridis, magma or turbo"
+            )
         attributes = [attribute(p.scene, look.color_by, camera, p.extra) for p in panels]
     plotter = pyvista.Plotter(
         off_screen=off_screen,
@@ -192,12 +181,6 @@ def make_plotter(
     if len(panels) > 1:
         plotter.link_views()
     return plotter
-
-
-def check_colormap(name: str) -> None:
-    """Raise UsageError unless matplotlib has a color map of that name."""
-    if name not in load_extra("matplotlib", "a color map").colormaps:
-        raise UsageError(f"'{name}' is no color map of matplotlib: try viridis, magma or turbo")
 
 
 def panel_colors(panel: Panel, look: Look) -> UInt8[np.ndarray, "n 3"]:

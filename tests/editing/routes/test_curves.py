@@ -7,7 +7,7 @@ import torch
 from changes import painted
 
 from gsedit.bench.synthetic import demo_scene, surface_gaussians
-from gsedit.editing.curves import LOCAL
+from gsedit.editing.painters import LOCAL
 from gsedit.errors import UsageError
 from gsedit.words.instruction import Change
 from rasterizer.numerics import sh_to_color

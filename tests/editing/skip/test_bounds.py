@@ -9,7 +9,7 @@ import pytest
 import torch
 from three_scenes import EXHIBITS, Exhibit
 
-from gsedit.capture.fitting.random_crops import cut, random_patch, share_of_crops
+from gsedit.capture.fitting.update import cut, random_patch, share_of_crops
 from gsedit.paper.consistency.correspond import correspond
 from gsedit.paper.draw import INVISIBLE_COLOR, band_colors, visible_coefficients
 from gsedit.paper.edit_views import MIN_MATCH_OVERLAP

@@ -20,7 +20,7 @@ from torch import Tensor
 
 from gsedit.change.light.relight import Survey, step, survey
 from gsedit.change.objects.growth.table import Growth, Site, Spots, growth_of
-from gsedit.change.objects.placing.daylight import Sun, sun_of
+from gsedit.change.objects.placing.daylight import sun_of
 from gsedit.change.objects.placing.stance import stance_of
 from gsedit.change.scenery.table import Setting, in_scenery
 from gsedit.errors import UsageError
@@ -266,25 +266,19 @@ def leaves(patch: Patch, growth: Growth, amount: float, most: int) -> Gaussians:
     count = min(ceil(amount * LITTER * area / (LEAF_AREA * length**2)), most // len(LEAF))
     rows = torch.from_numpy(random.choice(len(density), count, p=density / density.sum()))
     ground = patch.spots(patch.relief)[rows]
-    shift, tilt = (
-        torch.from_numpy(random.uniform(-0.5, 0.5, (count, 2))),
-        random.normal(size=(count, 3)),
-    )
-    points = ground.points + patch.relief.pixel * (
-        shift[:, :1] * patch.relief.right + shift[:, 1:] * patch.relief.down
-    )
-    normals = torch.nn.functional.normalize(
-        ground.normals + LEAF_TILT * torch.from_numpy(tilt), dim=-1
-    )
+    shift = torch.from_numpy(random.uniform(-0.5, 0.5, (count, 2)))
+    tilt = LEAF_TILT * torch.from_numpy(random.normal(size=(count, 3)))
+    plane = torch.stack((patch.relief.right, patch.relief.down))
+    points = ground.points + patch.relief.pixel * (shift @ plane)
+    normals = torch.nn.functional.normalize(ground.normals + tilt, dim=-1)
     turn = torch.from_numpy(random.uniform(0, tau, count))[:, None]
     first = perpendicular(normals)
     second = torch.linalg.cross(normals, first)
     along = turn.cos() * first + turn.sin() * second
     sizes = length * torch.from_numpy(random.uniform(0.65, 1.2, count))
     lift = length * torch.from_numpy(random.uniform(0.06, LEAF_PILE, count))
-    palette = torch.tensor(AUTUMN).double()[
-        torch.from_numpy(random.integers(len(AUTUMN), size=count))
-    ]
+    which = torch.from_numpy(random.integers(len(AUTUMN), size=count))
+    palette = torch.tensor(AUTUMN).double()[which]
     mottle = torch.from_numpy(1 + growth.mottle * random.normal(size=(count, 1)))
     light = ground.shaded(growth.shade, growth.lit, ground.light())
     return _leaf_shapes(
@@ -482,26 +476,21 @@ def _grown(
         cleared = unveiled(grown, new, cameras)
         grown = concatenate(in_colors_of(before, share, cleared), cleared)
     origin = torch.cat((torch.arange(len(scene)), torch.full((len(new),), NEW)))
-    same = around is scene
-    changed = torch.cat(
-        (
-            share > 0 if same else torch.ones_like(share).bool(),
-            torch.ones(len(new), dtype=torch.bool),
-        )
-    )
+    changed = torch.ones(len(grown), dtype=torch.bool)
+    if around is scene:
+        changed[: len(scene)] = share > 0
     note = f"{name}: {len(new):,} Gaussians were added to {len(scene):,}"
     return Outcome(grown, origin, changed, (note,))
 
 
 def _made(scene: Gaussians, patches: list[Patch], growth: Growth, amount: float) -> Gaussians:
     """New Gaussians on all patches."""
-    match growth.body:
-        case "layer":
-            made = [layer(patch, growth) for patch in patches]
-        case "tufts":
-            made = [tufts(patch, growth, amount) for patch in patches]
-        case "leaves":
-            made = [leaves(patch, growth, amount, MOST_NEW) for patch in patches]
+    kinds = {
+        "layer": lambda patch: layer(patch, growth),
+        "tufts": lambda patch: tufts(patch, growth, amount),
+        "leaves": lambda patch: leaves(patch, growth, amount, MOST_NEW),
+    }
+    made = [kinds[growth.body](patch) for patch in patches]
     return concatenate(*made) if made else scene[:0]
 
 
@@ -524,17 +513,10 @@ def _site(
     low, high = ends(points[rows], TAIL)
     size = min(float((high - low).norm()), place.distance)
     setting = Setting(scene, found, cameras)
-    sun = _sun(scene, inside, place.up)
+    sun = None
+    if inside is not None and not bool(inside.all()):  # of the shadows around what is inside
+        sun = sun_of(scene, stance_of(scene[inside], scene[~inside], place.up))
     return Site(setting, rows, max(size, 1e-9), sun)
-
-
-def _sun(scene: Gaussians, inside: Bool[Tensor, " n"] | None, up: Float[Tensor, "3"]) -> Sun | None:
-    """The sun that casts the shadows around what is inside; None where it is all, or none is
-    clear."""
-    if inside is None or bool(inside.all()):
-        return None
-    stance = stance_of(scene[inside], scene[~inside], up)
-    return sun_of(scene, stance)
 
 
 def _patches(scene: Gaussians, site: Site, growth: Growth, amount: float) -> list[Patch]:

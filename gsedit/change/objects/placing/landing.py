@@ -32,6 +32,8 @@ from rasterizer.camera import Camera
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
 
+Vector = Float[Tensor, "3"]
+
 COARSE = 3
 """Cells of a map along the side of a place."""
 WIDEST = 21
@@ -66,7 +68,7 @@ class Ground:
     place: Place
     cameras: Sequence[Camera] = ()
 
-    def map(self, center: Float[Tensor, "3"], radius: float, ceiling: float) -> Relief:
+    def map(self, center: Vector, radius: float, ceiling: float) -> Relief:
         """Its heights around a point."""
         up = self.place.up
         return heights_from_above(self.scene, center, radius, up, ceiling)
@@ -75,12 +77,12 @@ class Ground:
 def free_point(
     body: Gaussians,
     stance: Stance,
-    wish: Float[Tensor, "3"],
+    wish: Vector,
     radius: float,
     ground: Ground,
     taken: Float[Tensor, "m 3"] | None = None,
-    way: Float[Tensor, "3"] | None = None,
-) -> Float[Tensor, "3"] | None:
+    way: Vector | None = None,
+) -> Vector | None:
     """The best place near a point for an object: distance is weighed against the share of its base
     that is carried, what it reaches into, and the cameras that see it.
 
@@ -114,10 +116,7 @@ def free_point(
 
 
 def _on_the_way(
-    points: Float[Tensor, "*c 3"],
-    taken: Float[Tensor, "m 3"],
-    wish: Float[Tensor, "3"],
-    way: Float[Tensor, "3"],
+    points: Float[Tensor, "*c 3"], taken: Float[Tensor, "m 3"], wish: Vector, way: Vector
 ) -> Bool[Tensor, "*c"]:
     """Flag the places that are in a direction from what is taken more than beside it."""
     middle = taken.median(0).values
@@ -196,19 +195,19 @@ layer in which a ground is looked for, of the radius."""
 class Landing:
     """The surface that an object is set on."""
 
-    point: Float[Tensor, "3"]
-    normal: Float[Tensor, "3"]
+    point: Vector
+    normal: Vector
     found: bool
     """Whether there is one; else the object stays at its height."""
 
 
-def directions(place: Place) -> dict[str, Float[Tensor, "3"]]:
+def directions(place: Place) -> dict[str, Vector]:
     """The unit vectors of the sides, as the cameras see them."""
     right = torch.linalg.cross(place.up, place.front)
     return {"right": right, "left": -right, "front": place.front, "behind": -place.front}
 
 
-def extent(points: Float[Tensor, "m 3"], direction: Float[Tensor, "3"]) -> tuple[float, float]:
+def extent(points: Float[Tensor, "m 3"], direction: Vector) -> tuple[float, float]:
     """Begin and end of points along a unit vector, stray ones left out."""
     low, high = extents((points.double() @ direction)[:, None])[:, 0].tolist()
     return low, high
@@ -216,7 +215,7 @@ def extent(points: Float[Tensor, "m 3"], direction: Float[Tensor, "3"]) -> tuple
 
 def point_beside(
     body: Gaussians, stance: Stance, other: Gaussians, beside: RelativePlace, ground: Ground
-) -> Float[Tensor, "3"]:
+) -> Vector:
     """The point where the middle of an object comes to stand beside another; not yet on a surface.
 
     Where no free place is: on top, its middle; on a side, the place at the same height that is the
@@ -242,14 +241,14 @@ def point_beside(
     return wish if found is None else found
 
 
-def _reach(body: Gaussians, up: Float[Tensor, "3"]) -> float:
+def _reach(body: Gaussians, up: Vector) -> float:
     """Distance of the farthest of an object from its middle, level; stray ones left out."""
     away = body.means.double() - body.means.double().median(0).values
     level = (away - (away @ up)[:, None] * up).norm(dim=-1)
     return float(extents(level[:, None])[1, 0])
 
 
-def top_of(other: Gaussians, up: Float[Tensor, "3"]) -> Tensor:
+def top_of(other: Gaussians, up: Vector) -> Tensor:
     """The middle of what of an object is seen from above, as high as most of it is."""
     points = other.means.double()
     begins, last = extent(points, up)
@@ -265,7 +264,7 @@ def top_of(other: Gaussians, up: Float[Tensor, "3"]) -> Tensor:
     return point + (level - point @ up) * up
 
 
-def ground_near(ground: Ground, radius: float) -> Float[Tensor, "3"]:
+def ground_near(ground: Ground, radius: float) -> Vector:
     """The point under the middle of a place that is as high as most of what is level around it."""
     place = ground.place
     seen = ground.map(place.center, radius, float(place.center @ place.up) + radius)
@@ -288,9 +287,7 @@ def _blocked(seen: Relief, step: float) -> Float[Tensor, "h w"]:
     return (top - bottom > step).float()
 
 
-def land(
-    body: Gaussians, foot: Float[Tensor, "3"], stance: Stance, rest: Gaussians, ceiling: float
-) -> Landing:
+def land(body: Gaussians, foot: Vector, stance: Stance, rest: Gaussians, ceiling: float) -> Landing:
     """The surface under an object that was moved to stand at `foot`, at most `ceiling` high."""
     up = stance.up
     seen = map_around(body, rest, foot, up, ceiling)
@@ -327,9 +324,7 @@ def carried(body: Gaussians, stance: Stance, rest: Gaussians) -> tuple[float, fl
     return level, float((outline & others).sum() / outline.sum().clamp_min(1))
 
 
-def _under(
-    body: Gaussians, foot: Float[Tensor, "3"], stance: Stance, seen: Relief
-) -> Bool[Tensor, "h w"]:
+def _under(body: Gaussians, foot: Vector, stance: Stance, seen: Relief) -> Bool[Tensor, "h w"]:
     """The cells under an object's base."""
     heights = (body.means.double() - foot) @ stance.up
     low = heights <= BASE * stance.height

@@ -21,6 +21,8 @@ from gsedit.views.shadows import parallel_map
 from rasterizer.project import rotation_matrices
 from rasterizer.scene import Gaussians
 
+Vector = Float[Tensor, "3"]
+
 CELLS = 192
 """Cells along the side of a map: of an object that fills half of it, one is 1 % of its width."""
 
@@ -32,11 +34,7 @@ MOST_ABOVE = 0.16
 
 
 def heights_from_above(
-    scene: Gaussians,
-    center: Float[Tensor, "3"],
-    radius: float,
-    up: Float[Tensor, "3"],
-    ceiling: float,
+    scene: Gaussians, center: Vector, radius: float, up: Vector, ceiling: float
 ) -> Relief:
     """The heights of a scene around a point; what is above the ceiling is not there."""
     middle = center + (ceiling - 2 * radius - center @ up) * up  # the eye is at the ceiling
@@ -69,7 +67,7 @@ DRAWN = 1.5
 """Standard deviations to which a Gaussian's part in the outline of an object reaches."""
 
 
-def reach(body: Gaussians, up: Float[Tensor, "3"]) -> tuple[float, float]:
+def reach(body: Gaussians, up: Vector) -> tuple[float, float]:
     """The heights at which what is seen of an object begins and ends; without haze and strays."""
     body = body[_solid(body)]
     axes = rotation_matrices(body.quats.double()).mT @ up
@@ -112,9 +110,9 @@ AROUND = 1.3
 class Stance:
     """An object on what carries it; world units, float64."""
 
-    up: Float[Tensor, "3"]
+    up: Vector
     """Normal of the surface under it, or the upward direction where none is."""
-    foot: Float[Tensor, "3"]
+    foot: Vector
     """Point of that surface under its middle; of its lowest parts where none is."""
     height: float
     """Size along `up` from the foot."""
@@ -122,7 +120,7 @@ class Stance:
     """Whether it touches a surface."""
 
 
-def middle_of(body: Gaussians, up: Float[Tensor, "3"]) -> Float[Tensor, "3"]:
+def middle_of(body: Gaussians, up: Vector) -> Vector:
     """The middle of the smallest circle around an object's base, at half its height, float64.
 
     Sides that nobody saw have no Gaussians, and do not draw it away.
@@ -153,7 +151,7 @@ def size_of(body: Gaussians) -> float:
     return max(float((high - low).norm()), float(body.log_scales.amax().exp()))
 
 
-def stance_of(body: Gaussians, rest: Gaussians, up: Float[Tensor, "3"]) -> Stance:
+def stance_of(body: Gaussians, rest: Gaussians, up: Vector) -> Stance:
     """How an object stands in the rest of its scene; `up` is the scene's upward direction."""
     begins, last = reach(body, up)
     middle = middle_of(body, up)
@@ -180,11 +178,7 @@ def stance_of(body: Gaussians, rest: Gaussians, up: Float[Tensor, "3"]) -> Stanc
 
 
 def map_around(
-    body: Gaussians,
-    rest: Gaussians,
-    middle: Float[Tensor, "3"],
-    up: Float[Tensor, "3"],
-    ceiling: float,
+    body: Gaussians, rest: Gaussians, middle: Vector, up: Vector, ceiling: float
 ) -> Relief:
     """The heights of the rest of a scene around an object."""
     away = body.means.double() - middle
@@ -193,7 +187,7 @@ def map_around(
     return heights_from_above(rest, middle, radius + 1e-9, up, ceiling)
 
 
-def carrier(body: Gaussians, seen: Relief, up: Float[Tensor, "3"]) -> Plane | None:
+def carrier(body: Gaussians, seen: Relief, up: Vector) -> Plane | None:
     """The plane that carries an object among what is seen from above around it; None: no such."""
     cells = seen.points[seen.there].numpy()
     chosen = body.means[:: 1 + len(body) // MOST_POINTS].double().numpy()

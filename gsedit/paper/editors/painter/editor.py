@@ -1,20 +1,23 @@
-"""`painter` as an editor: views are painted in a style, by name or that of a picture.
+"""`painter` as an editor: views are painted in a style, by name or that of a picture; and a sheet
+of all styles.
 
 `v` pictures of `h w` pixels.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
 import torch
 from jaxtyping import Float
+from PIL import Image
 from torch import Tensor
 
 from gsedit.errors import Said, UsageError
+from gsedit.formats.pictures import as_picture
 from gsedit.paper.diffusion.settings import SamplerSettings
 from gsedit.paper.editors.painter.network import (
     CELL,
@@ -22,20 +25,25 @@ from gsedit.paper.editors.painter.network import (
     Moments,
     PaintNetwork,
     hold,
+    load_picture_styles,
     mixed,
     padded,
-    weights_of,
-)
-from gsedit.paper.editors.painter.picture_style import (
-    load_picture_styles,
+    painted,
     read_style_picture,
     style_of,
+    weights_of,
 )
 from gsedit.paper.protocol import Capabilities, EditBatch, EditProgress
+from gsedit.pictures.contact_sheet import captioned
 from gsedit.scene.color_space import LUMINANCE
+from gsedit.scene.picture import render_picture
+from gsedit.views.around import score_render
+from gsedit.views.dataset import evenly_spaced
+from gsedit.views.viewpoints import Viewpoint
 from gsedit.words.direct import LIKE
 from gsedit.words.lexicon import styles
 from gsedit.words.styles import styles_asked
+from rasterizer.scene import Gaussians
 
 WEIGHTS = Path(__file__).with_name("styles.safetensors")
 BRUSH = 192
@@ -172,3 +180,26 @@ def load_painter(path: Path = WEIGHTS) -> Painter:
             network = PaintNetwork()
         hold(network, {k: v for k, v in held.items() if k.endswith(".weight")})
         return Painter(network, styles)
+
+
+SHEET_CELL = 256
+"""Longer side of a picture, pixels: it is painted at this size."""
+COLUMNS = 7
+"""Pictures beside each other."""
+JUDGED, JUDGED_SIZE = 8, 64
+"""Views of which the one is taken that shows most, and the longer side of the renders that tell."""
+
+
+def style_sheet(scene: Gaussians, viewpoints: Sequence[Viewpoint]) -> Image.Image:
+    """One view of a scene, as it is and in every style.
+
+    Raises InputError where the painter's weights are missing or damaged.
+    """
+    judged = [viewpoints[i].camera for i in evenly_spaced(len(viewpoints), JUDGED)]
+    best = max(judged, key=lambda each: score_render(scene, each.fitted(JUDGED_SIZE)).score)
+    shown = render_picture(scene, best)
+    painter = load_painter()
+    cells = [("unedited", shown)]
+    for name, number in styles().items():
+        cells.append((name, painted(painter.network, shown[None], painter.styles[number])[0]))
+    return captioned([(name, as_picture(picture)) for name, picture in cells], COLUMNS)
