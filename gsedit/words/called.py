@@ -7,6 +7,7 @@ from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 from gsedit.formats.registry import READABLE
+from gsedit.words.direct import LIKE
 from gsedit.words.instruction import Change
 
 SUFFIX = rf"(?:{'|'.join(map(re.escape, READABLE))})\b"
@@ -20,6 +21,15 @@ WRITTEN = re.compile(r"[_-]|[a-z]\w*\d", re.IGNORECASE)
 """A sign that a name is written as it was saved, "left_leg-2": it needs no word before it."""
 NOUNS = ("vase", "chair", "lamp", "clock", "barrel", "teapot", "boat", "piano", "ladder", "drum")
 """Nouns that the network knows, to stand for names."""
+GIVEN = re.compile(
+    r"(?:\b(?:in |with )?(?:the |a )?(?:style|manner|look)s? of |(?<!i )(?<!not )\blike )"
+    r"(?:this|that|my|the attached|the given)(?: other)? "
+    r"(?:picture|photo|photograph|image|painting|drawing)\b",
+    re.IGNORECASE,
+)
+"""Words for the style of a picture that is given beside the sentence."""
+GIVEN_STYLE = "woodcut"
+"""Style that the network knows, to stand for it."""
 FILE_NOUN = "hat"
 """Noun that stands for a file, which is put in."""
 
@@ -32,10 +42,14 @@ class Called:
     names: dict[str, str]
     """Name by its noun, with the word before it: "my left leg 2", "object 3"."""
     files: tuple[str, ...]
+    given: bool = False
+    """Whether `GIVEN_STYLE` stands for a picture's."""
 
     def restored(self, change: Change) -> Change:
         """A change of what is named, in place of the nouns."""
         phrase = change.phrase if change.name == "insert" else self._restored(change.phrase)
+        if self.given and change.name == GIVEN_STYLE:
+            change = replace(change, name=LIKE)
         place = change.place and replace(change.place, of=self._restored(change.place.of))
         keep = tuple(map(self._restored, change.keep))
         return replace(change, phrase=phrase, place=place, keep=keep)
@@ -51,7 +65,8 @@ def called(sentence: str, saved: Collection[str]) -> Called:
     """A sentence without files, numbers of objects and the `saved` names of selections, which win
     over all words; keys of `saved` are as `gsedit.select.saved.key_of_name` spells them."""
     files = tuple(match[0].strip("\"'") for match in FILE.finditer(sentence))
-    text, names = FILE.sub(f"a {FILE_NOUN}", sentence), dict[str, str]()
+    text, given = GIVEN.subn(f"like a {GIVEN_STYLE}", FILE.sub(f"a {FILE_NOUN}", sentence))
+    names = dict[str, str]()
     free = iter([each for each in NOUNS if not re.search(rf"\b{each}", text, re.IGNORECASE)])
 
     def stand_in(name: str) -> str:
@@ -73,4 +88,4 @@ def called(sentence: str, saved: Collection[str]) -> Called:
         pattern = rf"(?:{BEFORE})?(?<![\w-])({any_name})(?![\w-]|\.\w)"
         text = re.sub(pattern, put, text, flags=re.IGNORECASE)
     text = NUMBERED.sub(lambda found: stand_in(f"object {found[1]}") or found[0], text)
-    return Called(text, names, files)
+    return Called(text, names, files, given > 0)

@@ -25,8 +25,8 @@ TASK = (
     + ". Names of scenery and style have the kind look. A paint has any name, and a color "
     "#rrggbb. phrase: the thing that changes in the words of the sentence, '' for the main subject "
     "or the whole scene; keep: phrases of what the sentence says stays. amount: 0.2 is 20 % more, "
-    "-0.5 half as much; of a turn the share of the full circle, counterclockwise. 'Everything but X' "
-    "has the target background and the phrase X. Give no change that the sentence denies; where "
+    "-0.5 half as much; of a turn the share of the full circle, counterclockwise. 'All but X' has "
+    "the target background and the phrase X. Give no change that the sentence denies; where "
     "nothing can be done, give none."
 )
 

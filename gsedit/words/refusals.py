@@ -30,7 +30,6 @@ REASONS = {
         "what is put in is the file of a scene: name it, as in 'put hat.ply on the table'",
         "any-sentence",
     ),
-    "removal": Said("words find nothing to take away here", "point"),
     "everything": "this leaves no scene: say what should stay, as in 'keep only the bear', or go, "
     "as in 'remove the bear'",
     "undo": "nothing is overwritten, so there is nothing to undo: go on with the scene before the "
@@ -39,14 +38,11 @@ REASONS = {
     "distance": "a scene does not know how long a meter is: say a share of the object's size or "
     "units of the scene's file, as in 'move it left by half its height' or 'by 0.3 units'",
     "copies": "up to 20 copies are made at a time: say fewer, as in 'put three more on its left'",
-    "part": Said("nothing finds this part of the scene", "select-part"),
     "negation": "this names what must not be, or takes away what no route takes away: say what it "
     "should be instead, as in 'paint it blue'",
     "two": "this asks for two things of one part that exclude each other: say one, as in "
     "'paint it red'",
     "direction": "this does not say which way: say more or less, as in 'more contrast'",
-    "finish": "a finish alone changes nothing: name a color or material with it, as in "
-    "'glossy red'",
     "amount": "this amount is out of range: give from -100 % to 500 %, of light to 200 %, as in "
     "'by 20 %'",
     "strength": "weather, seasons and styles have one strength: say them plain, as in "

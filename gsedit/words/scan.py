@@ -13,46 +13,21 @@ from gsedit.words import colors, lexicon
 
 SPELLINGS = (
     (r"[\u2018\u2019`]", "'"),
-    (r"^(could|would|ca|can|wo|should)n'?t (you|we|it|this|that|the)\b", r"\1 \2"),
-    (r"\blet's\b", "let us"),
-    (r"\b(it'?s|is|are|looks|way|far) to (?=\w+\W*$)", r"\1 too "),
     (r"\b(?:at )?(?:half|quarter) past \w+\b|\b(?:at )?\w+ o'?clock\b", ""),
     (r"colou?r", "color"),
-    (
-        r"^(?:why|how come) (?:is|are) ((?:the |my |this )?[a-z]+(?: [a-z]+)?) (so|too|all) ",
-        r"\1 is too ",
-    ),
-    (
-        r"\b(its|it is|is|are|way) (?:two|to) (?=dark|bright|cold|warm|big|small|dull|light|"
-        r"red|blue|yellow|green)",
-        r"\1 too ",
-    ),
-    (r"\bexcl\b\.?|\bexept\b|\bexcpt\b", "except"),
     (r"\bw/o\b", "without"),
-    (r"\b(everything|all) less the\b", r"\1 except the"),
     (r"\bdesat(?:\b|(?= ))", "desaturate"),
     (r"\bsat\.?(?= ?[-+x\d]|\b(?= (?:down|up|by|on|of|to)\b))", "saturation"),
     (r"(?<=[a-z] )x ?(?=\d)", "times "),
     (r"\bb/w\b|\bblack/white\b|\bwhite and black\b", "black and white"),
     (r"\bwb\b", "white balance"),
-    (r"\bbring (the \w+) out\b", r"bring out \1"),
     (r"(?<=\w)-ish\b", "ish"),
     (r"\bde-(?=[a-z])", "de"),
     (r"\bun-(?=[a-z])", "not "),
     (r"\b(?!feel|for)(\w+)[- ]free\b(?! (?:of|to|from))|\b(shadow|snow|fog)less\b", r"no \1\2"),
-    (r"\bless than (?=\d|half|an? )", ""),
     (r"\bminus (?=\d)", "-"),
     (r"\bplus (?=\d)", "+"),
-    (r"\b(can)not\b", r"\1 not"),
-    (
-        r"\b(do|does|did|is|are|was|were|ca|wo|should|could|would|must|has|have|need)n'?t\b",
-        r"\1 not",
-    ),
-    (r"\bca not\b", "can not"),
-    (r"\b(it|that|what|there|he|she|everything)'s\b|\b(its)(?= too\b)", r"\1\2 is"),
     (r"(?<=s)'(?=\s)", " 's "),
-    (r"'d\b", " would"),
-    (r"'(ll|m|re|ve)\b", ""),
     (r"\bgrey", "gray"),
     (r"\bfibre\b", "fiber"),
     (r"\bpercents?\b|\bper cent\b|\bpct\b", "%"),
@@ -60,12 +35,6 @@ SPELLINGS = (
     (r"(?<=\w)\s+-\s+(?=\w)|->|=>|=|--+|[\u2014\u2013]", " : "),
     (r"(?<=[a-z])-(?=[a-z])", " "),
     (r"\+(?!\d)", " and "),
-    (
-        r"(?:\b(?:in |with )?(?:the |a )?(?:style|manner|look)s? of |(?<!i )(?<!not )\blike )"
-        r"(?:this|that|my|the attached|the given)(?: other)? "
-        r"(?:picture|photo|photograph|image|painting|drawing)\b",
-        "like the given picture",
-    ),
     (r"\b(lighter|darker|paler|deeper|brighter) (?:shade|tone|version) of\b", r"\1"),
 )
 """Patterns and what stands in their place, in order."""
@@ -106,8 +75,6 @@ LIKENS = ("as", "into", "like", "style of")
 """Ends of words after which a thing is what a picture is to look like."""
 ALIKE, NEARLY = 0.82, 0.9
 """Least likeness of a word with a slip of spelling, and of one of five letters: "warmr"."""
-BECOME = ("state", "turn", "hue", "color", "material", "light", "slight", "strong")
-"""Kinds of what a thing becomes that "should go" so."""
 
 
 @dataclass(frozen=True)
@@ -139,8 +106,6 @@ def scanned(sentence: str) -> list[Word]:
             before.kind in ("number", "fraction") or before.text in ("a", "full")
         ):
             word = replace(word, kind="unit", value="stops")
-        if found and found[-1].text.endswith(" go") and word.kind in BECOME:
-            found[-1] = Word(found[-1].text, "wish", "")  # "should go dark"
         if word.value in lexicon.styles() and _is_named(found, rest[used:]):
             word = Word(word.text, "unknown", word.text)
         found.append(word)

@@ -49,8 +49,10 @@ def test_an_amount_of_a_tone_is_a_signed_share(amount, after, sign, share):
         ("scale", "20 %", "smaller", -1, "", "", -0.2), ("scale", "", "", 1, "", "", 0.3),
         ("scale", "", "", -1, "little", "", 1.3**-0.5 - 1),
         ("scale", "two times", "smaller", -1, "", "", -0.5),
-        ("turn", "90 degrees", "", -1, "", "", -0.25), ("turn", "a quarter", "", -1, "", "", -0.25),
-        ("turn", "", "", 0, "", "turn it around", 0.5), ("turn", "", "", 1, "", "to the left", 0.25),
+        ("turn", "90 degrees", "", -1, "", "", -0.25),
+        ("turn", "a quarter", "", -1, "", "", -0.25),
+        ("turn", "", "", 0, "", "turn it around", 0.5),
+        ("turn", "", "", 1, "", "to the left", 0.25),
         ("turn", "30", "", 1, "", "", 1 / 12),
     ],
 )  # fmt: skip
@@ -150,7 +152,8 @@ def test_it_is_what_was_named_or_made_last():
 @pytest.mark.parametrize(
     ("name", "of", "color"),
     [
-        ("polished black granite", "polished black granite", "#000000"), ("rusty old iron", "iron", None),
+        ("polished black granite", "polished black granite", "#000000"),
+        ("rusty old iron", "iron", None),
         ("copper with green patina", "copper with green patina", None), ("fur", "wool", None),
         ("glow green", "glow", "#15b01a"), ("an oscar statuette", "gold", None),
     ],

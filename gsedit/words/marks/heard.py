@@ -135,7 +135,8 @@ def heard(text: str, files: Sequence[str] = (), *, accept_unread: bool = False) 
     if denied(said):
         raise Refused("negation")
     if said.refused > REFUSED or not said.asked:
-        raise Refused("negation" if TAKEN.search(text) else "nonsense")
+        asks = "question" if text.rstrip().endswith("?") else "nonsense"
+        raise Refused("negation" if TAKEN.search(text) else asks)
     changes = tuple(changes_of(said, files))
     if not said.kept and (stopped := stays_unheard(text, changes)):
         raise Refused("kept", stopped)

@@ -20,6 +20,8 @@ from gsedit.words.tones import DEFAULT, SLIGHT, STRONG, tone
 
 SCALES = {"": 1.0, "little": SLIGHT, "much": STRONG}
 """Shares of a tone's usual amount."""
+MIXED = re.compile(r"\b(?:mix|mixed|mixture|blend|blended|cross)\b", re.IGNORECASE)
+"""Words that make one look of two."""
 SOLID = ("material", "paint", "growth", "object")
 MADE = ("the clone", "the new one", "the duplicate", "the second one", "the copied one")
 LIT = re.compile(r"\b(?:only|just|alone|solely)\b", re.IGNORECASE)
@@ -35,6 +37,10 @@ def changes_of(said: Marked, files: Sequence[str] = ()) -> list[Change]:
         else:
             change = _placed(_change(asked, said.text), asked, said.text, last)
         found.append(change)
+        if change.route == "style":
+            words = said.text if MIXED.search(said.text) else asked.name
+            others = (each for each in values.mixed(words) if each != change.name)
+            found += [replace(change, name=each) for each in others]
         if change.target == "subject" and change.phrase not in ("", IT):
             last = change.phrase
         if change.name in ("copy", "insert"):

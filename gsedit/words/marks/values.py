@@ -7,7 +7,7 @@ from functools import lru_cache
 
 from gsedit.words import colors, lexicon
 from gsedit.words.amounts import Amount
-from gsedit.words.direct import LIKE, SCENERIES, light_of, routed
+from gsedit.words.direct import SCENERIES, light_of, routed
 from gsedit.words.instruction import Change
 from gsedit.words.marks.marked import Asked
 from gsedit.words.refusals import Refused
@@ -220,8 +220,6 @@ def as_strong(change: Change, given: Amount, asked: Asked) -> Change:
 
 def look(name: str) -> Change | None:
     """The season, weather, drawing or painting that words name; None for none."""
-    if "given picture" in normalised(name):
-        return routed(Change("scene", "look", LIKE, None, None, ""))
     drawn = [word for word in scanned(name) if word.kind == "look"]
     styled = [word for word in drawn if word.value in lexicon.styles()]
     word = next(iter((*styled, *drawn)), None)
@@ -233,6 +231,12 @@ def look(name: str) -> Change | None:
 
 def _texts(words: list[Word]) -> list[str]:
     return [text for word in words for text in word.text.split()]
+
+
+def mixed(name: str) -> list[str]:
+    """All painting styles that words name: they are mixed."""
+    said = (word.value for word in scanned(name) if word.kind == "look")
+    return list(dict.fromkeys(each for each in said if each in lexicon.styles()))
 
 
 def meant(value: str, sure: float, deed: str, side: str, degree: str) -> Change | None:
