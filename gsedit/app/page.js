@@ -147,13 +147,14 @@ function keepTabs() {
   const shown = (event) => {
     const chosen = event.isTrusted && event.target.closest('[role="tab"]');
     if (!chosen || (event.type === "keydown" && !["Enter", " "].includes(event.key))) return;
-    setTimeout(() => {
+    const reveal = () => {
       const above = list.previousElementSibling ?? list.closest('[data-holds="all"]');
       const panel = [...area.querySelectorAll('[data-holds="tabs"] > :not([role="tablist"])')].find(
         (other) => other.offsetHeight,
       );
       (panel ?? above).scrollIntoView({ block: "start" });
-    }, PAUSE);
+    };
+    for (const after of [PAUSE, 10 * PAUSE]) setTimeout(reveal, after); // once it is there
   };
   for (const kind of ["click", "keydown"]) list.addEventListener(kind, shown);
 }

@@ -271,7 +271,7 @@ def in_material(
     if not inside.any():
         raise UsageError("the material would be on no Gaussian: name what should be in it")
     fresh = discs and not material.is_plain
-    studied = study(scene, inside, cameras, weights, material.is_matte, fresh)
+    studied = study(scene, inside, cameras, weights, material.is_matte and not fresh, fresh)
     if studied.sure < UNSURE and not material.is_matte:
         raise UsageError(
             "the part's Gaussians show no surface that could reflect (they are needles or fog): "
@@ -292,7 +292,8 @@ def in_material(
     sh[rows] *= bare[:, None, None].to(sh)
     sh[rows, : colored.shape[1]] += ((1 - bare)[:, None, None] * colored).to(sh)
     raised = sh.shape[1] > scene.sh.shape[1]
-    notes = (*studied.notes, *((RAISED.format(scene.degree),) if raised else ()))
+    told = [note for note in studied.notes if note != MIXED or not material.is_matte]
+    notes = (*told, *((RAISED.format(scene.degree),) if raised else ()))
     logits = laid.scene.logit_opacities.clone()
     logits[len(logits) - laid.count :] = float(torch.logit(torch.tensor(opacity_of(material))))
     return Outcome(
@@ -310,7 +311,8 @@ def study(
     fresh: bool = False,
 ) -> Studied:
     """Surface, surroundings, shadows and carving of the Gaussians inside, under `fresh` discs where
-    they have a surface; for a `matte` material without what only reflections need."""
+    they have a surface; for a `matte` material without what only reflections need: under discs it
+    is the same for all materials, and known where another was looked at."""
     up = up_of(cameras) if len(cameras) > 1 else guess_up(scene)
     eyes = _eyes_within(scene[inside], cameras)
     discs = discs_on(scene[inside], cameras) if fresh and eyes is None else None
