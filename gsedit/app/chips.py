@@ -43,7 +43,7 @@ def chips_of(
 LISTED = re.compile(r"(?:did you mean|the nearest are) ([^?;:]+)")
 SENTENCE = re.compile(r"\b(?:say|as in) '([^']+)'")
 WORDS = re.compile(r"'([^']+)'")
-"""What a refusal offers: choices, sentences; and words that it quotes."""
+"""Choices and sentences that a refusal offers, and words that it quotes."""
 MOST_OFFERS = 4
 
 
