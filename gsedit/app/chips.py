@@ -44,7 +44,6 @@ LISTED = re.compile(r"(?:did you mean|the nearest are) ([^?;:]+)")
 SENTENCE = re.compile(r"\b(?:say|as in) '([^']+)'")
 WORDS = re.compile(r"'([^']+)'")
 """Choices and sentences that a refusal offers, and words that it quotes."""
-MOST_OFFERS = 4
 
 
 def offers(reading: Reading, read: Reader) -> str:
@@ -58,10 +57,9 @@ def offers(reading: Reading, read: Reader) -> str:
             found[anew] = name
     found |= {each: each for each in SENTENCE.findall(why)}
     known = [each for each in found if each != reading.text and read(each).known]
-    shown = [button(f"say {each}", escape(found[each])) for each in known[:MOST_OFFERS]]
-    if reading.instruction.refusal == "unread":
-        shown.append(button("accept", "Run it so"))
-    return f"<div>{''.join(shown)}</div>" if shown else ""
+    shown = "".join(button(f"say {each}", escape(found[each])) for each in known)
+    unread = reading.instruction.refusal == "unread"
+    return f"<div>{shown}{button('accept', 'Run it so') if unread else ''}</div>"
 
 
 def renamed(reading: Reading, index: int, name: str) -> str:

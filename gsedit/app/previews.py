@@ -34,10 +34,8 @@ from rasterizer.scene import Gaussians
 
 SLOW_ROUTES = ("paint", "material")
 """Routes that are quicker where only the Gaussians of one view get their reflections."""
-PREPARED = (
-    "make it night", "paint it glossy red", "paint it red", "remove it", "make it snow",
-    "a thick layer of snow on it", "make it half the size",
-)  # fmt: skip
+PREPARED = ("make it night", "paint it glossy red", "paint it red", "remove it", "make it snow",
+            "a thick layer of snow on it", "make it half the size")  # fmt: skip
 """Sentences whose previews are made before anyone asks: they need all that is kept of a scene."""
 
 

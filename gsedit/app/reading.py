@@ -118,10 +118,8 @@ class Reading:
 def read(
     text: str, names: Iterable[str] = (), places: Places | None = None, *, accept: bool = False
 ) -> Reading:
-    """Understand a sentence; `names` are those of the scene's saved selections, and to `accept`
-    says that words which were not read do not stop the rest.
-
-    One that names a file outside of the places is refused."""
+    """Understand a sentence; `names` are those of the scene's saved selections. One that names a
+    file outside of the places is refused, and with words that were not read, unless to `accept`."""
     instruction = read_instruction(text, tuple(names), accept_unread=accept)
     try:
         if places is not None:

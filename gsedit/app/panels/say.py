@@ -58,9 +58,7 @@ class Say:
         """Previews by the files of the scene and of what is selected; None: nothing."""
         self.stopped = Event()
         """Whether the preview in hand is not wanted any more."""
-        self.note, self.doing, self.marked = "", "", False
-        self.accepted = ""
-        """A sentence that may be done without words that were not read."""
+        self.note, self.doing, self.accepted, self.marked = "", "", "", False
         self.text = gui.add_text(
             "Say what should change", "", hint="Enter applies it, Escape ends its preview."
         )
@@ -139,14 +137,12 @@ class Say:
             return
         names, selected = self.names(), self.page.selection is not None
         again = lambda each: read_instruction(each, names)  # noqa: E731
-        if reading.refusal:
-            shown = escape(reading.refusal) + offers(reading, again)
-        else:
+        shown = escape(reading.refusal) + offers(reading, again)
+        if known:
             shown = chips_of(reading, self.knobs, again, selected=selected)
-        if selected:
-            shown += NONE
-        shown = f'<div class="told reading">{shown}</div>'
-        self.told.content = shown  # a list that is open stays open
+        shown += NONE if selected else ""
+        # the same content leaves a list open
+        self.told.content = f'<div class="told reading">{shown}</div>'
         notes = f"<p>{escape(self.note)}</p>" if self.note else ""
         self.state.content = STATE.format(notes + self.doing)
 
