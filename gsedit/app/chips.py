@@ -5,11 +5,13 @@ A control is named by an action of `gsedit.app.tab.button`: its new value makes 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from html import escape
 
 from gsedit.app.reading import Knob, Reading, turned
+from gsedit.app.tab import button
 from gsedit.words.instruction import Change, Instruction, sentence_of
 from gsedit.words.lexicon import materials, names, styles
 
@@ -36,6 +38,28 @@ def chips_of(
         line += [_knob(n, knob) for n, knob in enumerate(knobs) if knob.index == i]
         lines.append(f'<div class="line">{" ".join(line)}</div>')
     return "".join(lines)
+
+
+LISTED = re.compile(r"(?:did you mean|the nearest are) ([^?;:]+)")
+SENTENCE = re.compile(r"\b(?:say|as in) '([^']+)'")
+WORDS = re.compile(r"'([^']+)'")
+"""Choices and sentences that a refusal offers, and words that it quotes."""
+
+
+def offers(reading: Reading, read: Reader) -> str:
+    """HTML of buttons for what the refusal of a sentence offers, so far as that is read."""
+    found, why = {}, reading.refusal
+    quoted = next((w for w in WORDS.findall(why) if w.lower() in reading.text.lower()), None)
+    for listed in LISTED.findall(why):
+        for each in re.split(r", (?:or |and )?| or | and ", listed):
+            name = each.strip(" '\".")
+            anew = re.sub(re.escape(quoted), name, reading.text, flags=re.I) if quoted else name
+            found[anew] = name
+    found |= {each: each for each in SENTENCE.findall(why)}
+    known = [each for each in found if each != reading.text and read(each).known]
+    shown = "".join(button(f"say {each}", escape(found[each])) for each in known)
+    unread = reading.instruction.refusal == "unread"
+    return f"<div>{shown}{button('accept', 'Run it so') if unread else ''}</div>"
 
 
 def renamed(reading: Reading, index: int, name: str) -> str:

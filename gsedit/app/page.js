@@ -133,6 +133,33 @@ function act(action) {
   input.dispatchEvent(new Event("input", { bubbles: true }));
 }
 
+// The tabs stay in sight while the panel scrolls: what they lie in gives its place to the panel, in
+// which they stick, and a press brings what is below them into sight.
+function keepTabs() {
+  const list = document.querySelector('[role="tablist"]:not([data-kept])');
+  const area = list?.closest(".mantine-ScrollArea-viewport");
+  if (!area) return;
+  list.dataset.kept = "";
+  let each = list.parentElement;
+  const first = list.getBoundingClientRect().top;
+  for (; each !== area; each = each.parentElement)
+    each.dataset.holds = Math.abs(each.getBoundingClientRect().top - first) < 2 ? "tabs" : "all";
+  const shown = (event) => {
+    const chosen = event.isTrusted && event.target.closest('[role="tab"]');
+    if (!chosen || (event.type === "keydown" && !["Enter", " "].includes(event.key))) return;
+    const reveal = () => {
+      const above = list.previousElementSibling ?? list.closest('[data-holds="all"]');
+      const panel = [...area.querySelectorAll('[data-holds="tabs"] > :not([role="tablist"])')].find(
+        (other) => other.offsetHeight,
+      );
+      (panel ?? above).scrollIntoView({ block: "start" });
+    };
+    for (const after of [PAUSE, 10 * PAUSE]) setTimeout(reveal, after); // once it is there
+  };
+  for (const kind of ["click", "keydown"]) list.addEventListener(kind, shown);
+}
+new MutationObserver(keepTabs).observe(document, { childList: true, subtree: true });
+
 const holds = (on) => act(`before ${on ? 1 : 0}`);
 const types = (target) => target.matches?.("input, textarea, select, [contenteditable]");
 addEventListener("click", (event) => {

@@ -392,6 +392,8 @@ class Page(Audience):
         file = folder_of_step(pending) / "scene.ply"
         bring_along(self.loaded, self.load(file))
         step = Step(pending.title, str(file.relative_to(self.folder)), pending.command)
+        if pending.command[0] == "edit":
+            self.selection = None  # it was this sentence's: the next one names its own
         self.change(documents.applied(self.document, step))
         if after is not None:
             after()

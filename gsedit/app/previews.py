@@ -17,6 +17,7 @@ from torch import Tensor
 from gsedit.app.frames import SMALL_SCENE
 from gsedit.app.loaded import DRAFT_PIXELS, Loaded, give_back
 from gsedit.app.reading import Reading, editor_2d, read
+from gsedit.change.objects.growth.table import GROWTHS
 from gsedit.editing.edit import change_steps
 from gsedit.editing.measure import Changed
 from gsedit.editing.parts import SUBJECT, aimed_at, find_parts
@@ -33,7 +34,8 @@ from rasterizer.scene import Gaussians
 
 SLOW_ROUTES = ("paint", "material")
 """Routes that are quicker where only the Gaussians of one view get their reflections."""
-PREPARED = ("make it night", "paint it glossy red", "remove it", "a thick layer of snow on it")
+PREPARED = ("make it night", "paint it glossy red", "paint it red", "remove it", "make it snow",
+            "a thick layer of snow on it", "make it half the size")  # fmt: skip
 """Sentences whose previews are made before anyone asks: they need all that is kept of a scene."""
 
 
@@ -52,7 +54,8 @@ class Previewer:
     def is_partial(self, reading: Reading) -> bool:
         """Whether a preview for one view is quicker than that of the whole scene."""
         changes = reading.first.changes if reading.first is not None else ()
-        return any(each.route in SLOW_ROUTES for each in changes)
+        snows = [each.route == "scenery" and each.name in GROWTHS for each in changes]
+        return any(snows) or any(each.route in SLOW_ROUTES for each in changes)
 
     @torch.no_grad()
     def scene(self, reading: Reading, camera: Camera | None = None) -> Changed:

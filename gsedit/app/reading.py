@@ -115,11 +115,12 @@ class Reading:
         return sum(_seconds(change, count) for change in self.instruction.changes)
 
 
-def read(text: str, names: Iterable[str] = (), places: Places | None = None) -> Reading:
-    """Understand a sentence; `names` are those of the scene's saved selections.
-
-    One that names a file outside of the places is refused."""
-    instruction = read_instruction(text, tuple(names))
+def read(
+    text: str, names: Iterable[str] = (), places: Places | None = None, *, accept: bool = False
+) -> Reading:
+    """Understand a sentence; `names` are those of the scene's saved selections. One that names a
+    file outside of the places is refused, and with words that were not read, unless to `accept`."""
+    instruction = read_instruction(text, tuple(names), accept_unread=accept)
     try:
         if places is not None:
             for name in FILE.findall(text):

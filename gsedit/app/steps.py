@@ -52,7 +52,8 @@ def resumed(pending: Pending, session: Path) -> Pending:
     options = {each for each in rest if each.startswith("--")}
     inside = folder_of_step(pending).resolve().is_relative_to(session.resolve())
     known = verb in RESUMED and not any(each.startswith(RISKY) for each in options)
-    if not inside or not known or (verb == "edit" and options - {"--region", "--resume"}):
+    more = options - {"--region", "--resume", "--accept-unread"}
+    if not inside or not known or (verb == "edit" and more):
         raise UsageError(f"“{pending.title}” is no work that the page begins: do it once more")
     more = "--resume" if pending.command[0] == "edit" else "-f"
     return replace(pending, command=(*(e for e in pending.command if e != more), more))

@@ -137,7 +137,6 @@ class Tab:
         self._peek: Gaussians | None = None
         self._rough = self._stands = False
         self._tint: tuple[Tensor, tuple[float, float, float]] | None = None
-        self._plain: Tensor | None = None
         self._named: Tensor | None = None
         self._notice: Any = None
         self.rested: Callable[[bool], None] = lambda rests: None
@@ -232,14 +231,14 @@ class Tab:
 
     def _marked(self) -> Tensor | None:
         """Flags of what is outlined, what is selected or else named: nothing where the scene itself
-        is to be seen, which is in a preview, a comparison, and a new step until then."""
+        is to be seen, which is in a preview and a comparison."""
         flags = self._named if self.page.selection is None else self.page.selection
         bare = (
             (self._preview is None or self._rough)
             and not self.compares
             and self.page.growing is None
         )
-        return flags if bare and flags is not self._plain else None
+        return flags if bare else None
 
     def name(self, flags: Tensor | None) -> None:
         """Outline what a sentence names, where nothing is selected; None: no more."""
@@ -291,7 +290,6 @@ class Tab:
     def new_scene(self) -> None:
         """Show the page's scene alone: it has changed."""
         self._preview = self._peek = self._tint = self._named = None
-        self._plain = self.page.selection
         self._shown = replace(self._shown, before=None)
         self.refresh()
 

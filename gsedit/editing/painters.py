@@ -288,11 +288,13 @@ def paint_scenery(
     scene: Gaussians, run: Sequence[Change], flags: Flags, looking: Looking
 ) -> Outcome:
     """Bring weather, seasons, water or a drawing over a part; over all, snow lies as a layer,
-    but in previews."""
+    but on groups."""
     (change,), inside = run, _inside(run[0], flags)
-    if change.name in GROWTHS and bool((inside & flags.get("shown", inside)).all()):
+    if change.name in GROWTHS and bool(inside.all()) and not looking.coarse:
+        shown = flags.get("shown", inside)
         with suppress(UsageError):  # it may lie nowhere
-            return grow(scene, change.name, cameras=looking.cameras)
+            some = None if shown.all() else shown
+            return grow(scene, change.name, cameras=looking.cameras, shown=some)
     seen = looking.seen(scene)
     made = in_scenery(scene, change.name, looking.cameras, seen, inside)
     lit = SCENERIES[change.name].light is not None  # autumn and a sketch bring none

@@ -1,10 +1,11 @@
 """Chips: each is of the sentence, and a chip that is changed changes that alone."""
 
 import re
+from dataclasses import replace
 
 import pytest
 
-from gsedit.app.chips import chips_of, said
+from gsedit.app.chips import chips_of, offers, said
 from gsedit.app.reading import knobs_of, read
 from gsedit.words.read import read_instruction
 
@@ -50,3 +51,24 @@ def test_every_control_has_a_name_and_nothing_of_the_sentence_is_html():
     for control in re.findall(r"<(?:select|input)[^>]*>", told):
         assert "aria-label" in control or '<label class="amount">' in told
     assert "<b>" not in chips("paint the <b>red</b> one blue")[0]
+
+
+@pytest.mark.parametrize(
+    ("text", "why", "offered"),
+    [
+        ("paint it zorp", "'zorp' is unknown: did you mean amber, pine or cherry wood?",
+         ["say paint it amber", "say paint it pine", "say paint it cherry wood"]),
+        ("paint it zorp", "no 'zorp': the nearest are 'tin' or 'foo bar'; see",
+         ["say paint it tin"]),
+        ("undo", "say what should be, as in 'make it warmer'", ["say make it warmer"]),
+    ],
+)  # fmt: skip
+def test_what_a_refusal_offers_is_a_button_where_it_is_read(text, why, offered):
+    shown = offers(replace(read(text), refusal=why), heard)
+    assert re.findall('data-do="([^"]+)"', shown) == offered
+
+
+def test_what_was_not_read_can_be_accepted():
+    reading = read("paint it zorp")
+    unread = replace(reading, instruction=replace(reading.instruction, refusal="unread"))
+    assert 'data-do="accept"' in offers(unread, heard)

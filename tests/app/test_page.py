@@ -61,17 +61,17 @@ def test_steps_follow_each_other_and_can_be_undone(opened, scene):
     assert opened.scene_file == first
 
 
-def test_a_selection_lasts_as_long_as_the_gaussians_do(opened):
+def test_a_selection_ends_with_the_edit_that_it_was_made_for_or_with_its_gaussians(opened):
     flags = torch.arange(len(opened.scene)) < 10
     opened.select(flags, "ten")
     save_named(flags.numpy(), opened.scene.means.numpy(), opened.scene_file, "paw")
-    step(opened, "paint it", verb="edit")
+    step(opened, "clean it", verb="clean")
     assert opened.selection is flags
     assert saved_names(opened.scene_file) == ("paw",)
     assert opened.selection_file().is_file()
     with pytest.raises(UsageError, match="once more"):
         opened.select(flags[:5])
-    opened.select(flags & False)
+    step(opened, "paint it", verb="edit")
     assert opened.selection is None
     assert opened.selection_file() is None
 

@@ -139,13 +139,12 @@ def test_what_is_outside_keeps_its_bits_and_reflections_are_told(ball):
     assert own[done.origin[done.changed]].all()
 
 
-def test_what_a_picture_shows_is_shaded_as_in_the_whole(ball):
+def test_what_a_picture_shows_is_shaded_about_as_in_the_whole(ball):
     _, scene, own, cameras = ball
-    whole = in_material(scene, own, BRONZE, cameras)
-    few = own & (torch.arange(len(scene)) % 7 == 0)
-    part = in_material(scene, own, BRONZE, cameras, shown=few).scene
-    shown = few[whole.origin]
-    torch.testing.assert_close(part.sh[shown], whole.scene.sh[shown])
+    made = [in_material(scene, own, BRONZE, cameras, shown=each).scene for each in (own, None)]
+    part, whole, before = (render_picture(each, cameras[0]) for each in (*made, scene))
+    error, change = (part - whole).square().mean(), (before - whole).square().mean()
+    assert error < 0.01 * change  # of fewer directions
     away = in_material(scene, own, BRONZE, cameras, shown=~own).scene
     assert not away.sh[:, 1:].any()
 

@@ -39,7 +39,7 @@ def add(page: Page, tab: Tab) -> None:
 def add_export(page: Page, tab: Tab) -> None:
     """Add the list of formats, the name, and Export, which offers the file for download."""
     gui = tab.gui
-    kind = gui.add_dropdown("as", (*WRITABLE, PAGE, VIDEO, PICTURE))
+    kind = gui.add_dropdown("format", (*WRITABLE, PAGE, VIDEO, PICTURE))
     name = gui.add_text("file name", "", hint="Without its ending; empty: that of the scene.")
     export = gui.add_button("Export", icon="download")
 

@@ -66,7 +66,7 @@ def strip_of(page: Page) -> str:
     ]  # fmt: skip
     tools = [
         button("frame", "Frame", label="Frame what is selected (F)"),
-        '<button type="button" class="chip" data-hold="before">Hold: before (B)</button>',
+        '<button type="button" class="chip" data-hold="before">Hold to compare (B)</button>',
     ]
     if len(document.steps) > 1:
         tools += [

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from torch import Tensor
 
-from gsedit.app.chips import chips_of, said
+from gsedit.app.chips import chips_of, offers, said
 from gsedit.app.looking import marks
 from gsedit.app.moves import on_page
 from gsedit.app.panels.looks import Looks
@@ -35,6 +35,8 @@ EXAMPLES = (
     "turn it into bronze", "paint it glossy red", "make it night", "make it half the size",
     "remove it", "in the style of Van Gogh",
 )  # fmt: skip
+STATE = '<div class="told state" role="status">{}</div>'
+NONE = button("none", "✕ the selection", label="Select nothing")
 AIM, PREVIEW, MARK = "aim", "preview", "mark"
 """Keys of the work that finds what is named, that draws its change, and that numbers objects."""
 PAUSE, PAUSE_SELECTED = 0.35, 1.2
@@ -56,7 +58,7 @@ class Say:
         """Previews by the files of the scene and of what is selected; None: nothing."""
         self.stopped = Event()
         """Whether the preview in hand is not wanted any more."""
-        self.note, self.doing, self.marked = "", "", False
+        self.note, self.doing, self.accepted, self.marked = "", "", "", False
         self.text = gui.add_text(
             "Say what should change", "", hint="Enter applies it, Escape ends its preview."
         )
@@ -68,6 +70,7 @@ class Say:
         for kind in ("target", "name", "knob"):
             tab.on(kind, partial(self.turned, kind))
         tab.on("say", self.say)
+        tab.on("accept", self.accept)
         tab.on("apply", lambda _: self.apply())
         tab.on("end", lambda _: self.end())
         tab.on("none", lambda _: page.select(None))
@@ -83,6 +86,11 @@ class Say:
     def say(self, text: str) -> None:
         """Take a sentence that was chosen."""
         self.text.value = text
+        self.typed()
+
+    def accept(self, _: str) -> None:
+        """Take the sentence although not all of it was read."""
+        self.accepted = self.reading.text if self.reading is not None else ""
         self.typed()
 
     def written(self, event: Any) -> None:
@@ -103,7 +111,8 @@ class Say:
         """Read the text as it is now."""
         text, page = self.text.value.strip(" -–—•"), self.page  # "-" begins a list that was pasted
         names = self.names()
-        self.reading = read(text, names, page.places) if text else None
+        accept = text == self.accepted
+        self.reading = read(text, names, page.places, accept=accept) if text else None
         self.knobs = ()
         if self.reading is not None:
             self.knobs = knobs_of(
@@ -118,23 +127,24 @@ class Say:
         """Show how the sentence is understood, and what is being done."""
         reading = self.reading
         known = reading is not None and not reading.refusal
-        self.apply_button.visible = known
-        self.text.visible = self.page.has_scene
+        self.apply_button.disabled = not known
+        self.apply_button.visible = self.text.visible = self.page.has_scene
         if reading is None:
             chips = "".join(button(f"say {each}", escape(each)) for each in EXAMPLES)
-            such = f'<div class="told">Such as {chips}</div>'
+            chips = f"Such as {chips}{NONE if self.page.selection is not None else ''}"
+            such = f'<div class="told reading">{chips}</div>{STATE.format("")}'
             self.told.content, self.state.content = such if self.page.has_scene else "", ""
             return
-        names = self.names()
-        shown = escape(reading.refusal) or chips_of(
-            reading, self.knobs, lambda each: read_instruction(each, names),
-            selected=self.page.selection is not None,
-        )  # fmt: skip
-        if self.page.selection is not None:
-            shown += button("none", "✕ the selection", label="Select nothing")
-        self.told.content = f'<div class="told">{shown}</div>'  # a list that is open stays open
+        names, selected = self.names(), self.page.selection is not None
+        again = lambda each: read_instruction(each, names)  # noqa: E731
+        shown = escape(reading.refusal) + offers(reading, again)
+        if known:
+            shown = chips_of(reading, self.knobs, again, selected=selected)
+        shown += NONE if selected else ""
+        # the same content leaves a list open
+        self.told.content = f'<div class="told reading">{shown}</div>'
         notes = f"<p>{escape(self.note)}</p>" if self.note else ""
-        self.state.content = f'<div class="told" role="status">{notes}{self.doing}</div>'
+        self.state.content = STATE.format(notes + self.doing)
 
     def turned(self, kind: str, told: str) -> None:
         """Say the sentence anew, with a chip ("0 VALUE") at another value."""
@@ -348,7 +358,8 @@ class Say:
         """Edit the scene as the sentence says; the result is the next step."""
         reading = self.asked()
         after = partial(self.applied, reading.text)
-        options = self.page.region_options()
+        unread = ("--accept-unread",) if reading.text == self.accepted else ()
+        options = (*self.page.region_options(), *unread)
         about = reading.seconds(len(self.page.scene))
         self.page.step("edit", reading.text, *options, title=reading.text, after=after, about=about)
 

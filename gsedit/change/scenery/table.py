@@ -28,6 +28,7 @@ from gsedit.change.light.relight import (
 )
 from gsedit.change.light.table import LIGHTS, Fog, LightSetup, Sun
 from gsedit.errors import UsageError
+from gsedit.scene.cache import cached_per_scene
 from gsedit.scene.color_space import LUMINANCE, lab_of_srgb, linear_of_srgb
 from gsedit.scene.picture import render_picture
 from gsedit.scene.quaternions import even_directions
@@ -506,6 +507,7 @@ SCENERIES: dict[str, Scenery] = {
 """Weather and seasons by the names that `gsedit.words` gives them."""
 
 
+@cached_per_scene
 def in_scenery(
     scene: Gaussians,
     name: str,

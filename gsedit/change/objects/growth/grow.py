@@ -401,6 +401,10 @@ MOST_NEW = 100_000
 """Gaussians that are added at most."""
 MOST_PIXELS = 400_000
 """Pixels of a map of the surface at most."""
+FEWEST_ROWS = 4
+"""Gaussians below which there is no surface."""
+SHOWN_GRAIN = 1.5
+"""Factor of the pixel for one picture."""
 COARSER = 1.15
 """Factor of the pixel, beyond what the numbers say, where there would be too many."""
 FAINT = 0.05
@@ -433,10 +437,12 @@ def grow(
     inside: Bool[Tensor, " n"] | None = None,
     cameras: Sequence[Camera] = (),
     execution: Execution = AUTO,
+    shown: Bool[Tensor, " n"] | None = None,
 ) -> Outcome:
     """The scene with snow, moss, dust, ice or leaves (GROWTHS) on the Gaussians inside.
 
     `amount` is a factor of the usual thickness, of leaves of their number. None is inside: all are.
+    With what is `shown` in one picture it lies there alone, as fine as that needs.
     Rows of the scene keep their places; new ones, at most MOST_NEW, follow. Raises UsageError for
     an unknown name, an amount out of range, or where it lies nowhere.
     """
@@ -444,6 +450,10 @@ def grow(
     check_finite(scene)
     found = survey(scene, cameras, None)
     site = _site(scene, found, inside, cameras)
+    if site is not None and shown is not None:
+        growth = replace(growth, grain=SHOWN_GRAIN * growth.grain)
+        rows = site.rows[shown[site.rows]]
+        site = replace(site, rows=rows) if len(rows) >= FEWEST_ROWS else None
     patches = [] if site is None else _patches(scene, site, growth, amount)
     new = _made(scene, patches, growth, amount)
     if not len(new):
@@ -498,7 +508,7 @@ def _site(
     scene: Gaussians, found: Survey, inside: Bool[Tensor, " n"] | None, cameras: Sequence[Camera]
 ) -> Site | None:
     """The opaque, small Gaussians inside that are near and not above all cameras; None if fewer
-    than four are."""
+    than FEWEST_ROWS are."""
     place, points = found.place, found.surface.points
     solid = (scene.opacities > FAINT) & (scene.scales.amax(-1) < WIDE * place.radius)
     solid &= found.trust > 0
@@ -508,7 +518,7 @@ def _site(
         highest = max(float(camera.center.double() @ place.up) for camera in cameras)
         solid &= points @ place.up < highest + HIGHEST * place.distance
     rows = solid.nonzero().squeeze(-1)
-    if len(rows) < 4:
+    if len(rows) < FEWEST_ROWS:
         return None
     low, high = ends(points[rows], TAIL)
     size = min(float((high - low).norm()), place.distance)
