@@ -8,8 +8,8 @@ Loads torch when it reads.
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import replace
 
+from gsedit.errors import Said
 from gsedit.words.called import called
 from gsedit.words.instruction import Instruction
 from gsedit.words.marks.heard import heard
@@ -41,5 +41,8 @@ def read_instruction(
     except Refused as refused:
         return Instruction(sentence, False, reason(refused), (), refused.args[0])
     changes = tuple(map(names.restored, told.changes))
-    why = "; ".join(map(str, changes)) if told.known else told.why
-    return replace(told, text=sentence, why=why, changes=changes)
+    why = "; ".join(map(str, changes))
+    if told.known:
+        return Instruction(sentence, True, why, changes)
+    why = Said(f"read: {why}; this is not sure. Run it so?", "unread")
+    return Instruction(sentence, False, why, (), "unread", (sentence,))

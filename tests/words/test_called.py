@@ -12,8 +12,6 @@ NAMES = ("plinth", "gray rock", "ears", "gold", "left leg 2", "arm3")
     [
         ("remove the plinth.", "object", "the plinth", None),
         ("make the Plinth twice as large", "object", "the plinth", None),
-        ("remove everything but the ears", "object", "the ears", None),
-        ("put the bear on the plinth", "object", "the bear", "the plinth"),
         ("move the bear next to the gray rock", "object", "the bear", "the gray rock"),
         ("paint the plinth red", "paint", "the plinth", None),
         ("make the ears gold", "material", "the ears", None),

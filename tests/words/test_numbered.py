@@ -27,11 +27,6 @@ def test_a_number_names_an_object_in_any_sentence(sentence, target, name):
     assert (change.target, change.name, change.phrase) == (target, name, "object 2")
 
 
-def test_a_number_is_a_place_too():
-    (change,) = read_instruction("put the ball left of object 12").changes
-    assert (change.phrase, change.place and change.place.of) == ("the ball", "object 12")
-
-
 @pytest.mark.parametrize(
     ("sentence", "name"),
     [

@@ -10,7 +10,6 @@ import re
 from collections.abc import Sequence
 from functools import lru_cache
 
-from gsedit.errors import Said
 from gsedit.words.instruction import Change, Instruction
 from gsedit.words.marks.marked import Asked, Marked, pieces, told
 from gsedit.words.marks.meaning import changes_of
@@ -44,7 +43,8 @@ DENIED = re.compile(
 """A sentence that begins or ends with a denial."""
 TOLD_OF = re.compile(
     rf"{LED}(?:nobody|no one|there is no need|anything but|avoid this|who \w+ to|don'?t the|"
-    r"(?:he|she|they) (?:said|says|told))\b",
+    r"(?:he|she|they) (?:said|says|told)|"
+    r"if (?:you|we|i) (?!(?:can|could|please|would|want|like|do not|don'?t|may|wo|will)\b))\b",
     re.IGNORECASE,
 )
 """A sentence that only tells of a request."""
@@ -55,7 +55,7 @@ TAKEN = re.compile(
 )
 """Words that deny, or take away what no route takes away."""
 INSTEAD = re.compile(
-    r"\b(?:but|just|instead|rather|only)\b|[,;.:!?]\s*(?:and )?(?:make|paint|turn|it should|the)\b",
+    r"\b(?:but|instead|rather)\b|[,;.:!?]\s*(?:and )?(?:just|only|make|paint|turn|it should|the)\b",
     re.IGNORECASE,
 )
 """Words after which what is asked follows what is denied."""
@@ -106,16 +106,23 @@ def unsure(said: Marked) -> bool:
 
 def turned(asked: Asked, text: str) -> bool:
     """Whether a tone goes the other way than all words of the text for it, with no word beside
-    them that turns them around."""
-    told = {
-        word.value[-1] for word in scanned(text)
+    them that turns them around; or the way that there is too much of."""
+    said = [
+        word for word in scanned(text)
         if word.kind in ("state", "turn") and word.value.split()[0] == asked.tone
-    }  # fmt: skip
-    if asked.deed != "tone" or len(told) != 1 or TURNED.search(text):
+    ]  # fmt: skip
+    told = {word.value[-1] for word in said}
+    if asked.deed != "tone" or len(told) != 1:
         return False
-    return (asked.sign > 0) != (told == {"+"})
+    same = (asked.sign > 0) == (told == {"+"})
+    if not TURNED.search(text):
+        return not same
+    states = "|".join(re.escape(word.text) for word in said if word.kind == "state")
+    return same and bool(states) and re.search(TOO + rf"(?:{states})\b", text.lower()) is not None
 
 
+TOO = r"\btoo\b(?:\W+\w+){0,5}?\W+"
+"""What stands before a quality that there is too much of."""
 TURNED = re.compile(
     r"\b(?:too|to(?= \w+$)|so|not|no|less|never|without|is|are|was|looks?|seems?|feels?|such|but|"
     r"than|how|why|away|mean|rather|instead|half|reduce|lower|decrease|down|low|enough|fix|cure)\b|n't\b|'s\b",
@@ -130,7 +137,7 @@ REFUSED = 0.5
 
 def heard(text: str, files: Sequence[str] = (), *, accept_unread: bool = False) -> Instruction:
     """Changes that the network marks in a text, in which a noun stands for each of `files`; not
-    known where it is not sure and that is not accepted. Raises Refused."""
+    known where that is not sure and not accepted. The reason is left out. Raises Refused."""
     said = marked(text)
     if denied(said):
         raise Refused("negation")
@@ -140,8 +147,6 @@ def heard(text: str, files: Sequence[str] = (), *, accept_unread: bool = False) 
     changes = tuple(changes_of(said, files))
     if not said.kept and (stopped := stays_unheard(text, changes)):
         raise Refused("kept", stopped)
-    told = "; ".join(map(str, changes))
     if unsure(said) and not accept_unread:
-        why = Said(f"read: {told}; this is not sure. Run it so?", "unread")
-        return Instruction(text, False, why, changes, "unread", (text,))
-    return Instruction(text, True, told, changes)
+        return Instruction(text, False, "", changes, "unread", (text,))
+    return Instruction(text, True, "", changes)

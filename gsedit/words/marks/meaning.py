@@ -9,7 +9,7 @@ from dataclasses import replace
 from gsedit.words.amounts import amount_of
 from gsedit.words.direct import light_of
 from gsedit.words.instruction import MOST, Change
-from gsedit.words.lexicon import sets
+from gsedit.words.lexicon import sets, things
 from gsedit.words.marks import values
 from gsedit.words.marks.actions import action, inserted
 from gsedit.words.marks.marked import BACKGROUND, PRONOUN, WHOLE, Asked, Marked, loose
@@ -46,6 +46,8 @@ def changes_of(said: Marked, files: Sequence[str] = ()) -> list[Change]:
         if change.name in ("copy", "insert"):
             last = "the copy" if change.name == "copy" else change.phrase
     _refuse_two(found)
+    if any(change.name in (values.GLOW, "lava") for change in found):  # it glows in that light
+        found.sort(key=lambda change: change.kind != "light")
     return _but([_checked(each) for each in found], said.kept)
 
 
@@ -80,6 +82,9 @@ def _change(asked: Asked, text: str) -> Change:
             raise Refused("insert")
         case _:
             raise Refused("geometry", asked.name)
+    dim = found is not None and found.kind == "light" and found.name.startswith("lamp")
+    if found is None or (dim and asked.value not in ("", "lamp")):
+        found = found if asked.value_sure < values.SEAL else None
     if found is None:
         found = values.meant(asked.value, asked.value_sure, asked.deed, asked.side, asked.degree)
     if found is None:
@@ -138,7 +143,7 @@ def _placed(change: Change, asked: Asked, text: str, last: str) -> Change:
     if part == "span" and change.name == "brightness" and (lamp := values.lamp(of)):
         return replace(lamp, amount=change.amount)  # "make the moonlight brighter"
     if change.kind == "light" and part in ("span", "it"):
-        alone = part == "span" and LIT.search(text)
+        alone = part == "span" and (LIT.search(text) or tells(of))
         return replace(change, target="subject", phrase=told) if alone else change
     match part:
         case "span":
@@ -161,6 +166,13 @@ def _placed(change: Change, asked: Asked, text: str, last: str) -> Change:
     if place and place.of == IT and found.name == "copy":
         found = replace(found, place=replace(place, of=found.phrase))
     return found
+
+
+def tells(phrase: str) -> bool:
+    """Whether a phrase has a color, a size or a place that tells a thing from others."""
+    words = scanned(phrase)
+    sized = {text for word in words for text in word.text.split()} & {*things("telling"), "one"}
+    return bool(sized) or any(word.kind in ("color", "direction") for word in words)
 
 
 def _told(of: str) -> str:
