@@ -42,27 +42,9 @@ ALIKE = [
 ]
 """Words that are near enough for the eyes of a person who asked for one of them."""
 IDLE = frozenset(
-    [
-        "a",
-        "an",
-        "the",
-        "of",
-        "in",
-        "with",
-        "like",
-        "made",
-        "style",
-        "look",
-        "light",
-        "painting",
-        "effect",
-        "and",
-        "on",
-        "from",
-        "to",
-        "very",
-    ]
-)
+    ("a", "an", "the", "of", "in", "with", "like", "made", "style", "look", "light", "painting",
+     "effect", "and", "on", "from", "to", "very")
+)  # fmt: skip
 
 
 def words_of(text: str) -> set[str]:

@@ -202,9 +202,8 @@ def run_preview(asked: EditCommand) -> None:
     names = names_of(asked.scene, asked.masks, steps[:1])
     own = {at: value for at, value in asked.values.items() if at[0] != "strategy"}
     settings = with_values(EditSettings(), own)
-    precision = settings.sampler.precision
-    followed = None if exact else asked.editor.make(path.parent, first.text, precision)
-    gaussians = asked.load()
+    made = partial(asked.editor.make, path.parent, first.text, settings.sampler.precision)
+    followed, gaussians = None if exact else made(), asked.load()
     say_kernel(settings.execution)
     found = resolve_cameras(asked.scene, gaussians, asked.views)
     viewpoints = same_size(found.viewpoints, asked.views.pixels)

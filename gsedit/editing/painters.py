@@ -137,7 +137,7 @@ def paint_objects(
     for each in run:
         placement = _placed(placement, each, flags, key_of(change))
     made = objects.place(scene, inside, placement, cameras)
-    if change.name != COPY or not placement.to:
+    if change.name != COPY or not isinstance(placement.to, RelativePlace):
         return made
     again = replace(placement, to=RelativePlace(placement.to.side, None))
     size = len(made.scene) - len(scene)

@@ -7,11 +7,14 @@ Loads torch when it reads.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection
 
 from gsedit.errors import Said
 from gsedit.words.called import called
-from gsedit.words.instruction import Instruction
+from gsedit.words.direct import LIKE
+from gsedit.words.instruction import Change, Instruction, Target
+from gsedit.words.lexicon import styles
 from gsedit.words.marks.heard import heard
 from gsedit.words.phrases import with_base, without_base
 from gsedit.words.refusals import Refused, first_refusal, reason
@@ -33,6 +36,8 @@ def read_instruction(
     if (bare := without_base(sentence)) != sentence:
         read = read_instruction(bare, saved, accept_unread=accept_unread)
         return with_base(read, sentence)
+    if steps := _steps(sentence):
+        return Instruction(sentence, True, "; ".join(map(str, steps)), steps)
     try:
         if kind := first_refusal(sentence):
             raise Refused(kind)
@@ -46,3 +51,23 @@ def read_instruction(
         return Instruction(sentence, True, why, changes)
     why = Said(f"read: {why}; this is not sure. Run it so?", "unread")
     return Instruction(sentence, False, why, (), "unread", (sentence,))
+
+
+STEP = re.compile(r"(?:(?:all|everything) but )?(.+?) in the style of (.+)")
+"""A painted step, as the program calls it."""
+
+
+def _steps(sentence: str) -> tuple[Change, ...]:
+    """Changes of painted steps as the program itself calls them; none for any other sentence."""
+    found = list[Change]()
+    parts: dict[str, Target] = {"the whole scene": "scene", "the background": "background"}
+    for each in sentence.split("; "):
+        match = STEP.fullmatch(each)
+        if match is None or match[2] not in (*styles(), LIKE):
+            return ()
+        target = parts.get(match[1], "subject")
+        if each.startswith(("all but ", "everything but ")):
+            target = "background"
+        phrase = "" if match[1] in (*parts, "the subject") else match[1]
+        found.append(Change(target, "look", match[2], None, None, "style", phrase))
+    return tuple(found)

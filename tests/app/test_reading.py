@@ -6,7 +6,6 @@ from gsedit.app.moves import ON_PAGE, on_page
 from gsedit.app.reading import SECONDS, USUAL_COUNT, read
 from gsedit.capture.causes import Evidence, cause
 from gsedit.errors import MOVES, Said, UsageError
-from gsedit.words.read import read_instruction
 
 
 def test_a_reading_tells_how_long_it_takes():
@@ -30,7 +29,6 @@ def before_map():
     [
         (Said("nothing finds this part", "select-part"), "select it by a click and say"),
         (Said("no one", "select-kind", kind="wall"), "say 'the wall'"),
-        (read_instruction("remove", ()).why, "select it by a click"),
         ("photos/: " + before_map(), "photos/: the photos match but do not fit"),
         (before_map(), "use the camera's own files with EXIF"),
     ],

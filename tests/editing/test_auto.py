@@ -30,7 +30,7 @@ def test_python_edits_by_the_route_of_the_sentence(tmp_path):
 
 def test_painters_take_turns_in_the_order_of_the_sentence(tmp_path):
     scene, data = tiny_edits.scene(), tiny_edits.data()
-    words = "make it 20% brighter, then an impressionist painting, then in black and white"
+    words = "make it 20% brighter; turn it into an impressionist painting; make it black and white"
     quick = replace(tiny_edits.SETTINGS, region="all")
     steps = read_steps(words)
     assert [[each.route for each in step.changes] for step in steps] == [

@@ -114,11 +114,11 @@ def test_styles_of_one_part_are_mixed_in_one_step():
 def test_a_name_that_only_the_scene_knows_does_not_hide_the_style():
     assert styles_asked("everything but the left leg in the style of woodcut") == ("woodcut",)
     with pytest.raises(UsageError):
-        styles_asked("do not paint the left leg in the style of woodcut")
+        styles_asked("paint the left leg red")
 
 
 def test_every_style_is_a_step_with_words_of_its_own():
-    steps = read_steps("make it darker, the bear a mosaic and the background a woodcut")
+    steps = read_steps("make it darker; the bear as a mosaic; the background as a woodcut")
     assert [step.text for step in steps][1:] == [
         "the bear in the style of stained glass", "the background in the style of woodcut",
     ]  # fmt: skip
@@ -128,7 +128,7 @@ def test_every_style_is_a_step_with_words_of_its_own():
     ("sentence", "how", "told"),
     [
         ("as a hologram", {}, "nearest are stained glass, graffiti and nocturne"),
-        ("in the style of Giacometti", {}, "no painting style resembles 'giacometti'"),
+        ("in the style of Giacometti", {}, "no painting style resembles 'Giacometti'"),
         ("in the style of this picture", {}, "--like"),
         ("paint it red", {"editor": "painter"}, "asks for nothing that is drawn"),
         ("paint it red", {"strategy": SinglePass()}, "asks for nothing that is drawn"),

@@ -1,4 +1,4 @@
-"""What marked words mean: amounts, places, strengths and names, apart from the network."""
+"""Meanings of marked words: amounts, places, strengths and names, apart from the network."""
 
 from __future__ import annotations
 

@@ -48,21 +48,8 @@ def test_sentences_are_read_and_none_is_done_the_opposite_way(name, count, least
 
 
 def test_any_words_are_read_or_refused():
-    words = [
-        *entries(),
-        "red",
-        "#ff0000",
-        "12",
-        "%",
-        ",",
-        ".",
-        "not",
-        "0",
-        "blorf",
-        "'s",
-        "-3",
-        ":",
-    ]
+    odd = ("red", "#ff0000", "12", "%", ",", ".", "not", "0", "blorf", "'s", "-3", ":")
+    words = [*entries(), *odd]
     draw = random.Random(0)
     for _ in range(60):
         sentence = "not " + " ".join(draw.choices(words, k=draw.randint(1, 8)))
@@ -105,18 +92,6 @@ def test_a_tone_has_the_sign_that_is_said(sentence, name, sign):
     assert (change.kind, change.name, change.route) == ("tone", name, "tone")
     assert change.amount is not None
     assert change.amount * sign > 0
-
-
-@pytest.mark.parametrize(
-    ("sentence", "amount"),
-    [
-        ("reduce the contrast by 30 %", -0.3), ("half the saturation", -0.5),
-        ("double the brightness", 1.0), ("darken it by a third", -1 / 3),
-        ("brightness to 80%", -0.2), ("raise the contrast by twenty-five percent", 0.25),
-    ],
-)  # fmt: skip
-def test_an_amount_is_a_signed_share(sentence, amount):
-    assert only(sentence).amount == pytest.approx(amount, abs=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -206,44 +181,11 @@ def test_the_target_is_the_part_that_is_named(sentence, target):
     assert only(sentence).target == target
 
 
-def test_a_part_that_nothing_finds_is_refused_with_the_next_move():
-    assert read_instruction("paint the ears red").changes[0].phrase == "the ears"
-
-
-@pytest.mark.parametrize(
-    ("sentence", "color", "name"),
-    [
-        ("paint it teal", "#029386", "teal"), ("paint it #3aa17e", "#3aa17e", "#3aa17e"),
-        ("rgb(255, 0, 128)", "#ff0080", "#ff0080"), ("matte black", "#000000", "matte black"),
-        ("off-white", "#faf9f6", "off white"),
-    ],
-)  # fmt: skip
-def test_a_color_is_read_by_name_and_by_number(sentence, color, name):
-    change = only(sentence)
-    assert (change.kind, change.color, change.name) == ("paint", color, name)
-
-
-def test_a_material_goes_by_the_material_route():
-    assert only("polished pewter").route == "material"
-    assert only("bronze").route == "material"
-
-
-def test_two_changes_are_in_the_order_of_the_sentence():
-    read = read_instruction("make the statue marble and the background darker")
-    assert [(c.target, c.name) for c in read.changes] == [
-        ("subject", "marble"), ("background", "brightness"),
-    ]  # fmt: skip
-
-
 @pytest.mark.parametrize("sentence", ["", "?!", "日本語", "x" * 5000, "buy milk tomorrow", "seven"])
 def test_what_asks_for_nothing_is_refused_with_a_reason(sentence):
     read = read_instruction(sentence)
     assert not read.known
     assert read.why
-
-
-def test_an_amount_out_of_range_is_refused():
-    assert "out of range" in read_instruction("make it 5000% brighter").why
 
 
 def test_a_record_is_one_line_of_json():
@@ -275,33 +217,6 @@ def test_away_from_a_color_is_the_opposite_of_toward_it():
 
 
 @pytest.mark.parametrize(
-    ("sentence", "name", "amount"),
-    [
-        ("50% sepia", "sepia", 0.5), ("half sepia", "sepia", 0.5), ("make it sepia", "sepia", None),
-        ("30% grayscale", "grayscale", 0.3), ("half fog", "fog", -0.5), ("50% fog", "fog", -0.5),
-    ],
-)  # fmt: skip
-def test_a_share_of_a_style_or_light_is_not_all_of_it(sentence, name, amount):
-    change = only(sentence)
-    assert (change.name, change.amount) == (name, amount)
-
-
-@pytest.mark.parametrize(
-    ("sentence", "name", "amount"),
-    [
-        ("make the fog denser", "fog", 0.5), ("make the lamp 30% dimmer", "lamp", -0.3),
-    ],
-)  # fmt: skip
-def test_a_brighter_lamp_or_denser_fog_is_a_stronger_light(sentence, name, amount):
-    change = only(sentence)
-    assert (change.kind, change.name, change.amount) == ("light", name, amount)
-
-
-def test_denser_alone_is_no_look():
-    assert not read_instruction("make it denser").known
-
-
-@pytest.mark.parametrize(
     ("sentence", "target"),
     [
         ("only the statue at night", "subject"),
@@ -313,35 +228,6 @@ def test_a_light_is_of_the_subject_alone_where_it_is_singled_out(sentence, targe
     assert only(sentence).target == target
 
 
-@pytest.mark.parametrize(
-    ("sentence", "refusal"),
-    [
-        ("make it 900 % brighter", "amount"),
-        ("fog from the left", "side"),
-
-    ],
-)  # fmt: skip
-def test_what_no_route_does_as_it_is_said_is_refused(sentence, refusal):
-    assert read_instruction(sentence).refusal == refusal
-
-
-@pytest.mark.parametrize(
-    ("sentence", "amount"),
-    [
-        ("double the fog", 1.0), ("a sunny day at half past ten", None), ("thick fog", 0.5),
-        ("+50 % fog", 0.5), ("50 % fog", -0.5), ("bright light from the left", None),
-        ("moonlight at half strength", -0.5),
-    ],
-)  # fmt: skip
-def test_a_light_is_as_strong_as_it_is_said(sentence, amount):
-    assert only(sentence).amount == amount
-
-
-def test_a_color_may_only_say_which_thing():
-    change = only("make the red car darker")
-    assert (change.target, change.kind, change.name) == ("subject", "tone", "brightness")
-
-
 def test_each_tone_of_a_list_keeps_its_own_amount():
     changes = read_instruction("warmth +20, contrast -10").changes
     assert [change.amount for change in changes] == [0.2, -0.1]
@@ -350,30 +236,6 @@ def test_each_tone_of_a_list_keeps_its_own_amount():
         ("scene", 0.2),
         ("background", -0.3),
     ]
-
-
-@pytest.mark.parametrize(
-    ("sentence", "name"),
-    [
-        ("switch night for day", "daylight"),
-        ("turn the bronze bear gold", "gold"),
-    ],
-)  # fmt: skip
-def test_what_gives_way_is_not_made(sentence, name):
-    assert only(sentence).name == name
-
-
-@pytest.mark.parametrize(
-    ("sentence", "names"),
-    [
-        ("red bear on blue background", ["red", "blue"]),
-        ("without removing the color, make it darker", ["brightness"]),
-    ],
-)  # fmt: skip
-def test_what_is_named_is_all_that_changes(sentence, names):
-    changes = read_instruction(sentence).changes
-    assert [change.name for change in changes] == names
-    assert all(change.target != "scene" or change.kind == "tone" for change in changes)
 
 
 @pytest.mark.parametrize(
@@ -407,6 +269,53 @@ def test_less_of_a_glow_is_never_more_of_it(sentence):
     assert not read_instruction(sentence).known
 
 
-def test_a_glow_of_the_picture_is_no_material():
-    assert made("neon glow") == [("scene", "neon", None)]
-    assert made("give it a warm glow") == [("scene", "warmth", None)]
+def told(sentence: str, saved: tuple[str, ...] = ()) -> list[tuple[str, str, str]]:
+    read = read_instruction(sentence, saved)
+    assert read.known, read.why
+    return [(each.phrase, each.target, each.name) for each in read.changes]
+
+
+LOOKS = ("paint {} blue", "turn {} into glass", "make {} darker", "make {} snowy",
+         "light {} from the left")  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "phrase",
+    ["the red one", "the ball on the left", "the small red bear",
+     "the red thing"],
+)  # fmt: skip
+def test_a_look_is_for_what_a_phrase_tells_apart(phrase):
+    for look in LOOKS:
+        plain = read_instruction(look.format("the bear")).changes
+        (change,) = read_instruction(look.format(phrase), accept_unread=True).changes
+        assert (change.phrase, change.target) == (phrase, "subject")
+        assert (change.name, change.amount) == (plain[0].name, plain[0].amount)
+
+
+def test_each_thing_has_its_own_look():
+    assert told("make the red one gold and darken the bear") == [
+        ("the red one", "subject", "gold"), ("the bear", "subject", "brightness")
+    ]  # fmt: skip
+    both = told("paint the red one gold and the blue one green")
+    assert [phrase for phrase, _, _ in both] == ["the red one", "the blue one"]
+    assert told("make everything but the red one black and white")[0][1] == "background"
+
+
+@pytest.mark.parametrize("frame", ["don't {}", "never {}"])
+def test_what_is_denied_is_not_done(frame):
+    for look in LOOKS:
+        assert not read_instruction(frame.format(look.format("the red one"))).changes
+
+
+@pytest.mark.parametrize(
+    "sentence",
+    [
+        "remove the light from the left", "kill the light from the right", "dust off the bear",
+        "icicles would be too much", "unless it is red, remove the bear", "wipe the slate clean",
+        "remove all colors but red", "put the bear on the moon",
+        "add a second sun", "insert <3>",
+        "turn it purple by 30 degrees",
+    ],
+)  # fmt: skip
+def test_a_turn_of_phrase_is_never_read_for_what_its_words_name(sentence):
+    assert not read_instruction(sentence).changes

@@ -15,7 +15,7 @@ NOUNS = sorted(
     for each in phrases
     if " " not in each and len(each) > 2 and each != "foreground"
 )
-LOOKS = [*list(materials())[::20], *list(styles())[::9], "snow", "night", "black and white", "sepia"]
+LOOKS = [*list(materials())[::20], *list(styles())[::9], "snow", "night", "sepia"]
 PARTS = ("nose", "eyes", "ears", "hair", "handle", "lid", "wheels", "roof", "tail", "face")
 
 
@@ -72,7 +72,7 @@ def test_a_part_that_stays_is_left_out(frame):
 
 @pytest.mark.parametrize("known", ["warmer", "darker", "night", "gold", "red"])
 @pytest.mark.parametrize(
-    "other", ["export it as mp4", "add a hat", "print the stamp"]
+    "other", ["export it as mp4", "add a hat"]
 )
 def test_what_is_not_read_stops_the_rest_and_is_told(known, other):
     read = read_instruction(f"make it {known} and {other}")

@@ -296,9 +296,8 @@ def in_material(
     notes = (*told, *((RAISED.format(scene.degree),) if raised else ()))
     logits = laid.scene.logit_opacities.clone()
     logits[len(logits) - laid.count :] = float(torch.logit(torch.tensor(opacity_of(material))))
-    return Outcome(
-        replace(laid.scene, sh=sh, logit_opacities=logits), laid.origin, laid.inside, notes
-    )
+    made = replace(laid.scene, sh=sh, logit_opacities=logits)
+    return Outcome(made, laid.origin, laid.inside, notes)
 
 
 @cached_per_scene

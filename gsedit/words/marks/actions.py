@@ -109,7 +109,8 @@ def _factor(asked: Asked, text: str) -> float | None:
         return float(ratio[1]) / float(ratio[2])
     if "%" in said or "percent" in said or "per cent" in said:
         share = number / 100
-        whole = remains or (share > 1 and not said.startswith("by"))
+        more = said.startswith("by") or asked.after.lower().endswith("er")
+        whole = remains or (share > 1 and not more)
         return share if whole else 1 + sign * share
     if re.search(r"half(?: as \w+)? again", text):
         return 1.5
@@ -136,7 +137,7 @@ def _turn(asked: Asked, text: str, phrase: str) -> tuple[float, None]:
         degrees = 180.0 if not asked.sign or AROUND.search(text) else 90.0
     if not degrees % 360:
         raise Refused("nonsense")
-    sign = -1 if asked.sign < 0 and degrees % 360 != 180 else 1
+    sign = -1 if asked.sign < 0 else 1
     return round(sign * (degrees % 360) / 360, 6), None
 
 

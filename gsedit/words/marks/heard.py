@@ -61,8 +61,10 @@ INSTEAD = re.compile(
 """Words after which what is asked follows what is denied."""
 UNSURE = 0.7
 """Least probability of what is marked that is taken."""
-MORE = 0.1
-"""Largest probability of a change, or of what stays, that is not told."""
+MORE = 0.3
+"""Largest probability of a change that is not told."""
+KEPT_MORE = 0.1
+"""Largest probability that a word begins what stays, of those that are not told to."""
 
 
 @lru_cache(256)
@@ -101,7 +103,7 @@ def unsure(said: Marked) -> bool:
     """Whether what is marked, or that nothing more is, is not sure."""
     least = min((each.sure for each in said.asked), default=0.0)
     doubted = any(turned(each, said.text) for each in said.asked)
-    return doubted or least < UNSURE or said.more > MORE or said.kept_more > MORE
+    return doubted or least < UNSURE or said.more > MORE or said.kept_more > KEPT_MORE
 
 
 def turned(asked: Asked, text: str) -> bool:
@@ -122,7 +124,7 @@ def turned(asked: Asked, text: str) -> bool:
 
 
 TOO = r"\btoo\b(?:\W+\w+){0,5}?\W+"
-"""What stands before a quality that there is too much of."""
+"""Words before a quality that there is too much of."""
 TURNED = re.compile(
     r"\b(?:too|to(?= \w+$)|so|not|no|less|never|without|is|are|was|looks?|seems?|feels?|such|but|"
     r"than|how|why|away|mean|rather|instead|half|reduce|lower|decrease|down|low|enough|fix|cure)\b|n't\b|'s\b",

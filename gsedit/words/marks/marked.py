@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -226,12 +226,41 @@ def told(cut: Pieces, scores: Mapping, values: tuple[str, ...]) -> Marked:
         change, found = _asked(cut, row, values)
         asked.append(change)
         spans += found
-    kept, unsure = _kept(cut, chances["kept"])
+    kept, unsure = _kept(cut, chances["kept"], spans)
     spans += kept
     phrases = tuple(phrase(cut.said(*each)) for each in kept)
     letters = tuple((cut.words[a][0], cut.words[b][1]) for a, b in spans)
     refused = float(chances["refused"][1])
+    asked, more = _counted(cut.text, asked, letters, more)
     return Marked(cut.text, tuple(asked), phrases, refused, more, unsure, letters)
+
+
+NUMBER = re.compile(
+    r"(?<![\w#.,])(?:\d+(?:[.,/]\d+)?"
+    r"(?: ?(?:%|percent|x|times|degrees?|\u00b0|stops?|cm|mm|m|ft)(?!\w))?|"
+    r"twice|half|double|triple|thrice|(?:an? |one |two |three )?(?:quarter|third)s?(?= |$))(?!\w)",
+    re.IGNORECASE,
+)
+"""An amount in a sentence."""
+MEASURED = ("tone", "scale", "turn", "move")
+"""Deeds that have an amount."""
+
+
+def _counted(
+    text: str, asked: list[Asked], marked: Sequence[tuple[int, int]], more: float
+) -> tuple[list[Asked], float]:
+    """Changes with the amount that is said and not marked, where one alone can have it; and the
+    chance of a change that is not told, 1 where an amount belongs to none."""
+    for found in NUMBER.finditer(text):
+        if any(a < found.end() and found.start() < b for a, b in marked):
+            continue
+        free = [i for i, each in enumerate(asked) if each.deed in MEASURED and not each.amount]
+        if len(free) != 1:
+            return asked, 1.0
+        after = text[found.end() :].split()[:1]
+        one = replace(asked[free[0]], amount=found[0].lower(), after="".join(after).lower())
+        asked = [one if i == free[0] else each for i, each in enumerate(asked)]
+    return asked, more
 
 
 def _asked(cut: Pieces, row: Mapping, values: tuple[str, ...]) -> tuple[Asked, list]:
@@ -263,7 +292,12 @@ def _asked(cut: Pieces, row: Mapping, values: tuple[str, ...]) -> tuple[Asked, l
         of["deed"], of["tone"], of["part"], named, said["name"], amount.lower(), after, said["to"],
         of["sign"], of["degree"], of["side"], of["way"], of["value"], sure["value"], near, least,
     )  # fmt: skip
-    return change, [each for each in found.values() if each]
+    used = {
+        "of": of["part"] in ("span", "but"), "amount": True,
+        "name": of["deed"] not in ("scale", "turn", "move", "copy", "remove"),
+        "to": of["deed"] in ("move", "copy", "insert"),
+    }  # fmt: skip
+    return change, [each for name, each in found.items() if each and used[name]]
 
 
 def _span(cut: Pieces, first, last) -> tuple[int, int] | None:
@@ -276,8 +310,8 @@ def _span(cut: Pieces, first, last) -> tuple[int, int] | None:
     return start, end
 
 
-def _kept(cut: Pieces, chances) -> tuple[list[tuple[int, int]], float]:
-    """(words of each phrase that stays, largest chance of one more)."""
+def _kept(cut: Pieces, chances, spans: list) -> tuple[list[tuple[int, int]], float]:
+    """(words of each phrase that stays, largest chance of one more beside the marked `spans`)."""
     rows = chances[list(cut.first)]
     label = rows.argmax(-1).tolist()
     found, at = list[tuple[int, int]](), 0
@@ -288,5 +322,6 @@ def _kept(cut: Pieces, chances) -> tuple[list[tuple[int, int]], float]:
                 end += 1
             found.append((at, end))
         at = end + 1
-    free = [float(row[1]) for row, each in zip(rows, label) if not each]
+    taken = {word for start, end in spans for word in range(start, end + 1)}
+    free = [float(row[1]) for i, row in enumerate(rows) if not label[i] and i not in taken]
     return found, max(free, default=0.0)

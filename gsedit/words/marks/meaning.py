@@ -20,8 +20,12 @@ from gsedit.words.tones import DEFAULT, SLIGHT, STRONG, tone
 
 SCALES = {"": 1.0, "little": SLIGHT, "much": STRONG}
 """Shares of a tone's usual amount."""
+PAINTED = re.compile(r"\b(?:paint|painted|dye|dyed|colou?r|coat of)\b", re.IGNORECASE)
+"""Words that make a paint of what is a material too: "paint it gold"."""
 MIXED = re.compile(r"\b(?:mix|mixed|mixture|blend|blended|cross)\b", re.IGNORECASE)
 """Words that make one look of two."""
+SUBJECT = re.compile(r"^(?:the )?(?:subject|main thing|main object)$")
+"""Phrases of the subject."""
 SOLID = ("material", "paint", "growth", "object")
 MADE = ("the clone", "the new one", "the duplicate", "the second one", "the copied one")
 LIT = re.compile(r"\b(?:only|just|alone|solely)\b", re.IGNORECASE)
@@ -70,9 +74,13 @@ def _change(asked: Asked, text: str) -> Change:
             found = values.paint(name) or values.material(name)
         case "material":
             name = led(asked.name, text)
-            found = values.material(name) or values.paint(name)
+            found = PAINTED.search(text) and values.paint(name)
+            found = found or values.material(name) or values.paint(name)
         case "cover":
             found = values.cover(asked.name, asked.degree)
+            share = amount_of(scanned(asked.amount)).share
+            if share and found and found.kind == "growth":
+                found = replace(found, amount=-share if "thin" in asked.after else share)
         case "light" | "weather" | "look":
             side = asked.side if asked.deed == "light" else ""
             found = values.scenic(asked.deed, asked.name, side, asked.degree)
@@ -85,7 +93,7 @@ def _change(asked: Asked, text: str) -> Change:
     dim = found is not None and found.kind == "light" and found.name.startswith("lamp")
     if found is None or (dim and asked.value not in ("", "lamp")):
         found = found if asked.value_sure < values.SEAL else None
-    if found is None:
+    if found is None and (asked.deed != "look" or not asked.name):
         found = values.meant(asked.value, asked.value_sure, asked.deed, asked.side, asked.degree)
     if found is None:
         raise Refused("style" if asked.deed == "look" else "unknown", asked.name, *asked.near)
@@ -157,6 +165,8 @@ def _placed(change: Change, asked: Asked, text: str, last: str) -> Change:
             found = replace(change, target="background", phrase=bare)
         case "scene":
             found = replace(change, target="scene", phrase="")
+        case _ if SUBJECT.match(of):
+            found = replace(change, target="subject", phrase=IT if change.kind == "object" else "")
         case _ if last and change.kind != "look":
             found = replace(change, target="subject", phrase=last)
         case _:
