@@ -12,9 +12,7 @@ MOST_OPPOSITES = 1
 VOICES = Path(__file__).parents[1] / "data" / "sentences" / "voices"
 
 
-@pytest.mark.parametrize(
-    ("name", "least"), [("w1", 0.84), ("w14", 0.79), ("w20", 0.66), ("../cases", 0.88)]
-)
+@pytest.mark.parametrize(("name", "least"), [("w14", 0.79), ("../cases", 0.88)])
 def test_voices_are_understood_and_hardly_any_is_done_the_opposite_way(name, least):
     rows = graded(entries(VOICES / f"{name}.jsonl")[:400])
     grades = [result for _, result, _, _ in rows]

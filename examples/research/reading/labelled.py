@@ -12,7 +12,6 @@ from typing import Any
 
 from gsedit.words.instruction import Change
 from gsedit.words.marks import values
-from gsedit.words.marks.actions import NUMBER_WORDS
 from gsedit.words.marks.marked import WORD
 from gsedit.words.marks.network import DEEDS, TONES
 
@@ -41,6 +40,16 @@ STOPS = re.compile(
     re.IGNORECASE,
 )
 """Words of an amount in stops of light."""
+NUMBER_WORDS = {
+    "half": 0.5, "halve": 0.5, "halved": 0.5, "quarter": 0.25, "third": 1 / 3, "twice": 2.0,
+    "double": 2.0, "doubled": 2.0, "triple": 3.0, "tripled": 3.0, "thrice": 3.0, "quadruple": 4.0,
+    "one": 1.0, "two": 2.0, "three": 3.0, "four": 4.0, "five": 5.0, "six": 6.0, "seven": 7.0,
+    "eight": 8.0, "nine": 9.0, "ten": 10.0, "twelve": 12.0, "fifteen": 15.0, "twenty": 20.0,
+    "thirty": 30.0, "forty": 40.0, "fifty": 50.0, "sixty": 60.0, "seventy": 70.0, "eighty": 80.0,
+    "ninety": 90.0, "hundred": 100.0, "couple": 2.0, "both": 2.0, "dozen": 12.0, "fifth": 0.2,
+    "tenth": 0.1, "eighth": 0.125, "quarters": 0.25, "thirds": 1 / 3,
+}  # fmt: skip
+"""Numbers by the words that say them."""
 UNITS = frozenset(
     ("%", "percent", "per", "cent", "stop", "stops", "degrees", "degree", "deg", "\u00b0", "times",
      "x", "fold", "m", "cm", "mm", "metres", "meters", "metre", "meter", "inches", "inch", "feet",

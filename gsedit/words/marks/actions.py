@@ -30,16 +30,6 @@ UNIT = re.compile(
     r"(?<![a-z])(mm|cm|m|millimet(?:er|re)s?|centimet(?:er|re)s?|met(?:er|re)s?|in|inch|inches|"
     r"ft|foot|feet|yards?)\b"
 )
-NUMBER_WORDS = {
-    "half": 0.5, "halve": 0.5, "halved": 0.5, "quarter": 0.25, "third": 1 / 3, "twice": 2.0,
-    "double": 2.0, "doubled": 2.0, "triple": 3.0, "tripled": 3.0, "thrice": 3.0, "quadruple": 4.0,
-    "one": 1.0, "two": 2.0, "three": 3.0, "four": 4.0, "five": 5.0, "six": 6.0, "seven": 7.0,
-    "eight": 8.0, "nine": 9.0, "ten": 10.0, "twelve": 12.0, "fifteen": 15.0, "twenty": 20.0,
-    "thirty": 30.0, "forty": 40.0, "fifty": 50.0, "sixty": 60.0, "seventy": 70.0, "eighty": 80.0,
-    "ninety": 90.0, "hundred": 100.0, "couple": 2.0, "both": 2.0, "dozen": 12.0, "fifth": 0.2,
-    "tenth": 0.1, "eighth": 0.125, "quarters": 0.25, "thirds": 1 / 3,
-}  # fmt: skip
-"""Numbers by the words that say them."""
 TURNS: dict[str, float] = {"quarter": 90.0, "half": 180.0, "full": 360.0}
 """Degrees of a part of a turn."""
 AROUND = re.compile(
