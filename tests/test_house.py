@@ -12,8 +12,8 @@ ROOT = Path(__file__).parents[1]
 LONGEST_FUNCTION = 40
 """Lines, the docstring not counted."""
 MOST = {
-    "product": (("gsedit", "cli", "rasterizer"), 65_267, 372),
-    "tests": (("tests",), 31_237, 292),
+    "product": (("gsedit", "cli", "rasterizer"), 65_265, 372),
+    "tests": (("tests",), 31_235, 292),
     "examples": (("examples",), 5_511, 43),
 }
 """Lines and files of Python of the whole house: whoever wants a line finds one to give. These

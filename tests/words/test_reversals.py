@@ -71,9 +71,7 @@ def test_a_part_that_stays_is_left_out(frame):
 
 
 @pytest.mark.parametrize("known", ["warmer", "darker", "night", "gold", "red"])
-@pytest.mark.parametrize(
-    "other", ["export it as mp4", "add a hat"]
-)
+@pytest.mark.parametrize("other", ["export it as mp4", "add a hat"])
 def test_what_is_not_read_stops_the_rest_and_is_told(known, other):
     read = read_instruction(f"make it {known} and {other}")
     assert not read.known

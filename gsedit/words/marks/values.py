@@ -14,9 +14,7 @@ from gsedit.words.refusals import Refused
 from gsedit.words.scan import Word, normalised, scanned, tokens
 from gsedit.words.tones import tone
 
-GROWTH, LAMPS, UNSIDED = (
-    frozenset(lexicon.things(kind)) for kind in ("growth", "lamp", "unsided")
-)
+GROWTH, LAMPS, UNSIDED = (frozenset(lexicon.things(kind)) for kind in ("growth", "lamp", "unsided"))
 """Layers that lie on what faces the sky, lights whose brightness is their own, and lights from no
 side."""
 GLOW = "glow"
