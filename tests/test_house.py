@@ -12,7 +12,7 @@ ROOT = Path(__file__).parents[1]
 LONGEST_FUNCTION = 40
 """Lines, the docstring not counted."""
 MOST = {
-    "product": (("gsedit", "cli", "rasterizer"), 65_265, 372),
+    "product": (("gsedit", "cli", "rasterizer"), 65_264, 372),
     "tests": (("tests",), 31_235, 292),
     "examples": (("examples",), 5_511, 43),
 }

@@ -1,4 +1,4 @@
-"""Amounts that a clause gives: a factor of what is there, or a share that is added."""
+"""Amounts that words give: a factor of what is there, or a share that is added."""
 
 from __future__ import annotations
 
@@ -21,13 +21,9 @@ class Amount:
     turn: float | None = None
     """Share of a full circle."""
 
-    @property
-    def given(self) -> bool:
-        return self != Amount()
-
 
 def amount_of(words: list[Word]) -> Amount:
-    """Amount of a clause; an empty one where none is said."""
+    """Amount of words; an empty one where none is said."""
     total, last = 0.0, None
     for at, word in enumerate(words):
         after = words[at + 1] if at + 1 < len(words) else None

@@ -110,7 +110,6 @@ def sets() -> dict[str, frozenset[str]]:
     for kind, _, phrases in rows_of(TABLE):
         if kind in found:
             found[kind] |= set(phrases)
-    found["drawn"] |= names("look") | styles().keys()
     return found
 
 

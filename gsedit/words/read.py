@@ -16,8 +16,9 @@ from gsedit.words.direct import LIKE
 from gsedit.words.instruction import Change, Instruction, Target
 from gsedit.words.lexicon import styles
 from gsedit.words.marks.heard import heard
-from gsedit.words.phrases import with_base, without_base
+from gsedit.words.phrases import DEFINITE, with_base, without_base
 from gsedit.words.refusals import Refused, first_refusal, reason
+from gsedit.words.scan import scanned
 from gsedit.words.written import is_written, written
 
 
@@ -42,32 +43,41 @@ def read_instruction(
         if kind := first_refusal(sentence):
             raise Refused(kind)
         names = called(sentence, saved)
-        told = heard(names.text, names.files, accept_unread=accept_unread)
+        changes, sure = heard(names.text, names.files)
     except Refused as refused:
         return Instruction(sentence, False, reason(refused), (), refused.args[0])
-    changes = tuple(map(names.restored, told.changes))
+    changes = tuple(map(names.restored, changes))
     why = "; ".join(map(str, changes))
-    if told.known:
+    if sure or accept_unread:
         return Instruction(sentence, True, why, changes)
     why = Said(f"read: {why}; this is not sure. Run it so?", "unread")
     return Instruction(sentence, False, why, (), "unread", (sentence,))
 
 
-STEP = re.compile(r"(?:(?:all|everything) but )?(.+?) in the style of (.+)")
+STEP = re.compile(r"(?P<but>(?:all|everything) but )?(?P<part>.+?) in the style of (?P<style>.+)")
 """A painted step, as the program calls it."""
+PARTS: dict[str, Target] = {
+    "the whole scene": "scene", "the background": "background", "the subject": "subject",
+}  # fmt: skip
+NAMING = frozenset(
+    ("subject", "unknown", "part", "color", "direction", "shape", "number", "ground")
+)
+"""Kinds of words that a thing is called by; a sentence of a person has others beside them."""
 
 
 def _steps(sentence: str) -> tuple[Change, ...]:
     """Changes of painted steps as the program itself calls them; none for any other sentence."""
     found = list[Change]()
-    parts: dict[str, Target] = {"the whole scene": "scene", "the background": "background"}
     for each in sentence.split("; "):
         match = STEP.fullmatch(each)
-        if match is None or match[2] not in (*styles(), LIKE):
+        if match is None or match["style"] not in (*styles(), LIKE):
             return ()
-        target = parts.get(match[1], "subject")
-        if each.startswith(("all but ", "everything but ")):
-            target = "background"
-        phrase = "" if match[1] in (*parts, "the subject") else match[1]
-        found.append(Change(target, "look", match[2], None, None, "style", phrase))
+        part = match["part"]
+        if part not in PARTS and not all(
+            word.kind in NAMING or word.text in DEFINITE for word in scanned(part)
+        ):
+            return ()
+        target = "background" if match["but"] else PARTS.get(part, "subject")
+        phrase = "" if part in PARTS else part
+        found.append(Change(target, "look", match["style"], None, None, "style", phrase))
     return tuple(found)

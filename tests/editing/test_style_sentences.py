@@ -114,7 +114,9 @@ def test_styles_of_one_part_are_mixed_in_one_step():
 def test_a_name_that_only_the_scene_knows_does_not_hide_the_style():
     assert styles_asked("everything but the left leg in the style of woodcut") == ("woodcut",)
     with pytest.raises(UsageError):
-        styles_asked("paint the left leg red")
+        styles_asked("do not paint the left leg in the style of woodcut")
+    assert not read_instruction("the bear must not be in the style of comic").changes
+    assert read_instruction("paint the background in the style of woodcut").changes[0].phrase == ""
 
 
 def test_every_style_is_a_step_with_words_of_its_own():

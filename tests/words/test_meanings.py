@@ -7,8 +7,6 @@ from pathlib import Path
 import pytest
 from meanings import GOOD, entries, graded
 
-MOST_OPPOSITES = 1
-"""Sentences of 400 that the network learned from."""
 VOICES = Path(__file__).parents[1] / "data" / "sentences" / "voices"
 
 
@@ -16,5 +14,5 @@ VOICES = Path(__file__).parents[1] / "data" / "sentences" / "voices"
 def test_voices_are_understood_and_hardly_any_is_done_the_opposite_way(name, least):
     rows = graded(entries(VOICES / f"{name}.jsonl")[:400])
     grades = [result for _, result, _, _ in rows]
-    assert grades.count("OPPOSITE") <= MOST_OPPOSITES
+    assert grades.count("OPPOSITE") <= 1  # of 400 that the network learned from
     assert sum(each in GOOD for each in grades) >= least * len(grades)

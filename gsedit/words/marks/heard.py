@@ -10,7 +10,7 @@ import re
 from collections.abc import Sequence
 from functools import lru_cache
 
-from gsedit.words.instruction import Change, Instruction
+from gsedit.words.instruction import Change
 from gsedit.words.marks.marked import Asked, Marked, pieces, told
 from gsedit.words.marks.meaning import changes_of
 from gsedit.words.refusals import Refused
@@ -59,6 +59,16 @@ INSTEAD = re.compile(
     re.IGNORECASE,
 )
 """Words after which what is asked follows what is denied."""
+TOO = r"\btoo\b(?:\W+\w+){0,5}?\W+"
+"""Words before a quality that there is too much of."""
+TURNED = re.compile(
+    r"\b(?:too|to(?= \w+$)|so|not|no|less|never|without|is|are|was|looks?|seems?|feels?|such|but|"
+    r"than|how|why|away|mean|rather|instead|half|reduce|lower|decrease|down|low|enough|fix|cure)\b|n't\b|'s\b",
+    re.IGNORECASE,
+)
+"""Words beside which a quality may be what there is too much of."""
+REFUSED = 0.5
+"""Least probability that nothing can be done."""
 UNSURE = 0.7
 """Least probability of what is marked that is taken."""
 MORE = 0.3
@@ -123,23 +133,9 @@ def turned(asked: Asked, text: str) -> bool:
     return same and bool(states) and re.search(TOO + rf"(?:{states})\b", text.lower()) is not None
 
 
-TOO = r"\btoo\b(?:\W+\w+){0,5}?\W+"
-"""Words before a quality that there is too much of."""
-TURNED = re.compile(
-    r"\b(?:too|to(?= \w+$)|so|not|no|less|never|without|is|are|was|looks?|seems?|feels?|such|but|"
-    r"than|how|why|away|mean|rather|instead|half|reduce|lower|decrease|down|low|enough|fix|cure)\b|n't\b|'s\b",
-    re.IGNORECASE,
-)
-"""Words beside which a quality may be what there is too much of."""
-
-
-REFUSED = 0.5
-"""Least probability that nothing can be done."""
-
-
-def heard(text: str, files: Sequence[str] = (), *, accept_unread: bool = False) -> Instruction:
-    """Changes that the network marks in a text, in which a noun stands for each of `files`; not
-    known where that is not sure and not accepted. The reason is left out. Raises Refused."""
+def heard(text: str, files: Sequence[str] = ()) -> tuple[tuple[Change, ...], bool]:
+    """(changes that the network marks in a text, in which a noun stands for each of `files`;
+    whether they are sure). Raises Refused."""
     said = marked(text)
     if denied(said):
         raise Refused("negation")
@@ -149,6 +145,4 @@ def heard(text: str, files: Sequence[str] = (), *, accept_unread: bool = False) 
     changes = tuple(changes_of(said, files))
     if not said.kept and (stopped := stays_unheard(text, changes)):
         raise Refused("kept", stopped)
-    if unsure(said) and not accept_unread:
-        return Instruction(text, False, "", changes, "unread", (text,))
-    return Instruction(text, True, "", changes)
+    return changes, not unsure(said)

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from gsedit.words.amounts import amount_of
+from gsedit.words.called import NUMBERED
 from gsedit.words.direct import light_of
 from gsedit.words.instruction import MOST, Change
 from gsedit.words.lexicon import sets, things
@@ -68,7 +69,7 @@ def _change(asked: Asked, text: str) -> Change:
     """A change, of its usual part. Raises Refused."""
     match asked.deed:
         case "tone":
-            return _toned(asked, asked.sign or 1, text)
+            return _toned(asked, text)
         case "paint":
             name = led(asked.name, text)
             found = values.paint(name) or values.material(name)
@@ -112,9 +113,9 @@ def led(name: str, text: str) -> str:
     return name
 
 
-def _toned(asked: Asked, sign: int, text: str) -> Change:
+def _toned(asked: Asked, text: str) -> Change:
     """A signed change of a tone. Raises Refused."""
-    given, name = amount_of(scanned(_amount(asked))), asked.tone
+    given, name, sign = amount_of(scanned(_amount(asked))), asked.tone, asked.sign or 1
     if name in ("grayscale", "sepia", "negative"):
         share = given.share if given.factor is None else given.factor
         return tone(name, abs(share) if share and abs(share) < 1 else None)
@@ -153,6 +154,7 @@ def _placed(change: Change, asked: Asked, text: str, last: str) -> Change:
     if change.kind == "light" and part in ("span", "it"):
         alone = part == "span" and (LIT.search(text) or tells(of))
         return replace(change, target="subject", phrase=told) if alone else change
+    bare = IT if change.kind == "object" else ""
     match part:
         case "span":
             found = replace(change, target="subject", phrase=told)
@@ -161,16 +163,14 @@ def _placed(change: Change, asked: Asked, text: str, last: str) -> Change:
         case "but":
             found = replace(change, target="background", phrase="" if PRONOUN.match(of) else told)
         case "background":
-            bare = IT if change.kind == "object" else ""
             found = replace(change, target="background", phrase=bare)
         case "scene":
             found = replace(change, target="scene", phrase="")
         case _ if SUBJECT.match(of):
-            found = replace(change, target="subject", phrase=IT if change.kind == "object" else "")
+            found = replace(change, target="subject", phrase=bare)
         case _ if last and change.kind != "look":
             found = replace(change, target="subject", phrase=last)
         case _:
-            bare = IT if change.kind == "object" else ""
             found = replace(change, target="subject" if solid else "scene", phrase=bare)
     place = found.place
     if place and place.of == IT and found.name == "copy":
@@ -189,7 +189,7 @@ def _told(of: str) -> str:
     """A phrase as objects are called: "object 3", "the copy" for one that was just made."""
     if of in MADE:
         return "the copy"
-    numbered = re.fullmatch(r"(?:the )?object ?(\d+)", of)
+    numbered = NUMBERED.fullmatch(of)
     return f"object {numbered[1]}" if numbered else of
 
 
