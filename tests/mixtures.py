@@ -23,7 +23,7 @@ SHAPE = (8, 2, 2, 2)  # views (each a point of its own), channels, cells
 
 
 def predicted(kind: Prediction, x0: Tensor, x: Tensor, level: NoiseLevel) -> Tensor:
-    """What a network of that kind says of x where the clean latents are x0."""
+    """The prediction of a network of that kind for x, where the clean latents are x0."""
     eps = (x - level.a * x0) / level.b
     kinds = {"eps": eps, "x0": x0, "v": level.a * eps - level.b * x0, "flow": eps - x0}
     return kinds[kind]

@@ -81,7 +81,7 @@ def assert_converges(curve: list[torch.Tensor]) -> None:
     assert (values.diff(dim=0) < ROUNDING).all()
 
 
-def unguided(solver: str, steps: int, **more) -> SamplerSettings:
+def unguided(solver, steps: int, **more) -> SamplerSettings:
     return SamplerSettings(
         steps=steps, solver=solver, guidance_text=1.0, guidance_image=1.0, strength=1.0, **more
     )
