@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import torch
-from research.sampler.mixtures import MixtureProblem, noised_draw
+from mixtures import MixtureProblem, noised_draw
 
 from gsedit.paper.diffusion.guidance import Pair
 from gsedit.paper.diffusion.sampler import levels_of, sample

@@ -48,9 +48,9 @@ def wall() -> EdgeCase:
     return concatenate(*rows), camera()
 
 
-def shell() -> EdgeCase:
+def shell(n: int = 400) -> EdgeCase:
     """Discs on a sphere (a Fibonacci lattice): front hides back, the rim is seen edge-on."""
-    n = 400
+    size = 0.07 * (400 / n) ** 0.5  # the same overlap
     i = torch.arange(n, dtype=torch.float64) + 0.5
     z = 1 - 2 * i / n
     angle = i * torch.pi * (3 - sqrt(5))
@@ -61,7 +61,7 @@ def shell() -> EdgeCase:
     return Gaussians(
         means=0.8 * normal + torch.tensor((0.0, 0.0, 3.0), dtype=torch.float64),
         quats=quats,
-        log_scales=torch.tensor((0.07, 0.07, 0.007), dtype=torch.float64).log().repeat(n, 1),
+        log_scales=torch.tensor((size, size, size / 10), dtype=torch.float64).log().repeat(n, 1),
         logit_opacities=torch.full((n,), 4.0, dtype=torch.float64),
         sh=(0.45 * normal / SH_DC)[:, None, :],
     ), camera()

@@ -26,6 +26,10 @@ from gsedit.views.dataset import Dataset, View
 from rasterizer.camera import Camera
 
 
+def generator(seed: int = 0) -> torch.Generator:
+    return torch.Generator().manual_seed(seed)
+
+
 def scenes() -> tuple[SyntheticScene, ...]:
     """Five small scenes, z up, each within a ball of radius 1 to 1.5."""
     return globe(), links(), columns(), cage(), pond()

@@ -13,8 +13,8 @@ LONGEST_FUNCTION = 40
 """Lines, the docstring not counted."""
 MOST = {
     "product": (("gsedit", "cli", "rasterizer"), 65_264, 372),
-    "tests": (("tests",), 31_235, 292),
-    "examples": (("examples",), 5_511, 43),
+    "tests": (("tests",), 30_910, 288),
+    "examples": (("examples",), 5_316, 41),
 }
 """Lines and files of Python of the whole house: whoever wants a line finds one to give. These
 numbers only ever fall."""

@@ -86,7 +86,8 @@ def test_a_spline_passes_through_its_cameras_and_is_smooth():
 
 
 def test_paths_move_with_their_cameras():
-    turn = torch.linalg.qr(torch.randn(3, 3, dtype=torch.float64, generator=seeded()))[0]
+    random = torch.Generator().manual_seed(0)
+    turn = torch.linalg.qr(torch.randn(3, 3, dtype=torch.float64, generator=random))[0]
     turn = turn * turn.det().sign()
     shift = torch.tensor([3.0, -1.0, 7.0], dtype=torch.float64)
 
@@ -150,7 +151,3 @@ def test_a_path_of_cameras_in_the_middle_or_right_above_has_whole_poses():
 def test_paths_that_make_no_sense_are_refused(words, message):
     with pytest.raises(UsageError, match=message):
         camera_path(**{"cameras": ring(), "frames": 3, **words})
-
-
-def seeded() -> torch.Generator:
-    return torch.Generator().manual_seed(0)

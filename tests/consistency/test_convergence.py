@@ -9,12 +9,16 @@ prediction may overshoot by a little.
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+
 import pytest
 import torch
-from biased_views import WIDTHS, Biased, assert_converges, deviation, sweep
+from mixtures import predicted
 from sampler_runs import FLOW, SD, SOLVERS, TERMINAL, generator, last
 
-from gsedit.paper.diffusion.sampler import sample
+from gsedit.paper.consistency.consensus import consensus
+from gsedit.paper.diffusion.guidance import Branches, Prediction
+from gsedit.paper.diffusion.sampler import levels_of, sample
 from gsedit.paper.diffusion.schedules import Schedule
 from gsedit.paper.diffusion.settings import SamplerSettings
 
@@ -23,7 +27,61 @@ COSINE = Schedule(1 / (1 + (4 * (TIMES * torch.pi / 2).tan()) ** 2))
 """sigma = 4 tan(pi t / 2), shifted toward the noise as schedules of large pictures are."""
 
 
-def unguided(solver: str, steps: int, **more) -> SamplerSettings:
+WIDTHS = torch.tensor([0.003, 0.03, 0.3, 1.0, 3.0], dtype=torch.float64)
+"""Widths of the data, one a channel: from detail that is decided last to colors decided first."""
+ONE_CLUSTER = torch.zeros(2, 1, 1, dtype=torch.int64)
+ROUNDING = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class Biased:
+    """Two views whose x0 is normal about +1 and -1."""
+
+    schedule: Schedule
+    predicts: Prediction = "x0"
+    name: str = "biased"
+
+    def branches(self, x, t, condition, need):
+        level = self.schedule.level(t)
+        bias = torch.tensor([1.0, -1.0], dtype=x.dtype).reshape(2, 1, 1, 1)
+        power = WIDTHS.reshape(1, -1, 1, 1) ** 2
+        kept = power * level.a / (power * level.a**2 + level.b**2)
+        x0 = bias + kept * (x - level.a * bias)
+        found = predicted(self.predicts, x0, x, level)
+        return Branches(*(found if needed else None for needed in need))
+
+
+def deviation(
+    model: Biased, settings: SamplerSettings, strength: float = 1.0, independent: bool = False
+) -> torch.Tensor:
+    """Signed, of each channel: 1 would be the whole bias, 0 is agreement."""
+    draws = torch.randn(2, len(WIDTHS), 1, 1, dtype=torch.float64, generator=generator(1))
+    x = draws if independent else draws[:1].expand(2, -1, -1, -1)
+    ended = last(
+        sample(
+            model, None, x, settings, generator=generator(),
+            consensus=lambda z: consensus(z, ONE_CLUSTER, strength=strength),
+            share=lambda noise: noise[:1].expand(2, -1, -1, -1),
+        )
+    )  # fmt: skip
+    return (ended.x[0] - ended.x[1])[:, 0, 0] / 2
+
+
+def sweep(model: Biased, settings: SamplerSettings, every: int = 1, **options):
+    """The deviation with consensus in no step, in the first one, ..., in all of them."""
+    sigmas = [level.sigma for level in levels_of(model.schedule, settings)[:-1]]
+    ends = [2 * sigmas[0] if sigmas[0] < torch.inf else 1e9, *sigmas[1::every], 0.0]
+    return [deviation(model, replace(settings, t_end=end), **options) for end in ends]
+
+
+def assert_converges(curve: list[torch.Tensor]) -> None:
+    """No deviation changes its sign or grows."""
+    values = torch.stack(curve)
+    assert (values > -ROUNDING).all()
+    assert (values.diff(dim=0) < ROUNDING).all()
+
+
+def unguided(solver, steps: int, **more) -> SamplerSettings:
     return SamplerSettings(
         steps=steps, solver=solver, guidance_text=1.0, guidance_image=1.0, strength=1.0, **more
     )
@@ -70,10 +128,15 @@ def test_the_noise_that_views_do_not_share_is_not_amplified(solver):
     assert_converges([row * own[0].sign() for row in own])
 
 
-def test_where_views_agree_already_nothing_changes():
-    """Not even the last bit of eps, so cells in no cluster are sampled as if there were none."""
+@pytest.mark.parametrize("target", ["x0", "xt", "eps"])
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_where_views_agree_already_nothing_changes(solver, target):
+    """Not even the last bit, so cells in no cluster are sampled as if there were none."""
     x = torch.randn(2, len(WIDTHS), 1, 1, dtype=torch.float64, generator=generator(1))
-    settings = unguided("ddim", 20, t_end=0.0)
-    model = Biased(SD)
-    alone = last(sample(model, None, x, settings)).x
-    assert torch.equal(last(sample(model, None, x, settings, consensus=lambda z: z)).x, alone)
+    settings = unguided(solver, 20, t_end=0.0, target=target)
+    alone, agreed = (
+        last(sample(Biased(SD), None, x, settings, consensus=agree, generator=generator())).x
+        for agree in (None, lambda z: z)
+    )
+    # x0 is found again from eps, with one rounding more
+    torch.testing.assert_close(agreed, alone, rtol=1e-7 if target == "eps" else 0, atol=0)

@@ -193,13 +193,6 @@ def test_a_silhouette_cell_is_never_matched():
 # ---- clusters ------------------------------------------------------------------------------------
 
 
-def test_clusters_hold_at_most_one_cell_a_view_and_at_least_two():
-    labels = correspond(*stacked(FOUR), cell=CELL).labels
-    for group in clusters(labels):
-        views = [cell // 256 for cell in group]
-        assert len(views) == len(set(views)) >= 2
-
-
 def test_clusters_are_numbered_in_order_of_first_appearance():
     found = correspond(*stacked(FOUR), cell=CELL)
     inside = [n for n in found.labels.flatten().tolist() if n >= 0]

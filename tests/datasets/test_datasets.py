@@ -97,23 +97,16 @@ def test_zoom_is_enough_and_not_more(plain, bent):
     assert zoom == 1 or touches
 
 
-def test_nerfstudio_poses_are_opencv_world_to_camera(tmp_path):
-    record = dataset(tmp_path)
-    expected = list(cameras())
-    for frame, camera in zip(record["frames"], expected):
-        frame["transform_matrix"] = opengl_camera_to_world(camera)
-    for view, camera in zip(load_dataset(write(tmp_path, record)).views, expected):
-        # four roundings of float64 at unit size
-        torch.testing.assert_close(
-            view.camera.world_to_camera, camera.world_to_camera, atol=1e-15, rtol=1e-14
-        )
-
-
-def test_views_are_sorted_and_keep_their_poses(tmp_path):
+def test_views_are_sorted_and_nerfstudio_poses_are_opencv_world_to_camera(tmp_path):
     record = dataset(tmp_path)
     for frame, camera in zip(record["frames"], cameras()):
         frame["transform_matrix"] = opengl_camera_to_world(camera)
     sorted_views = load_dataset(write(tmp_path, record)).views
+    for view, camera in zip(sorted_views, cameras(), strict=True):
+        # four roundings of float64 at unit size
+        torch.testing.assert_close(
+            view.camera.world_to_camera, camera.world_to_camera, atol=1e-15, rtol=1e-14
+        )
     record["frames"].reverse()
     views = load_dataset(write(tmp_path, record) / "transforms.json").views
     assert [v.name for v in views] == ["images/0.png", "images/1.png", "images/2.png"]

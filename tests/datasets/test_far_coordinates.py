@@ -71,7 +71,7 @@ def test_the_way_back_is_beside_the_scene(applied, tmp_path):
     """A scene that is fitted in the moved frame meets the photos again, and the files' frame."""
     folder = far_dataset(tmp_path / "photos", **applied)
     data, scene = load_dataset(folder), tmp_path / "scene.ply"
-    assert write_beside(data, folder, scene) == tmp_path / NAME
+    assert write_export_frame(frame_beside(data, folder, scene), scene) == tmp_path / NAME
     again = in_export_frame(load_dataset(folder), folder, scene)
     for a, b in zip(data.views, again.views, strict=True):
         torch.testing.assert_close(
@@ -95,7 +95,3 @@ def test_a_scene_of_another_program_is_in_the_frame_of_the_files(tmp_path):
     torch.testing.assert_close(
         data.views[0].camera.center, next(iter(cameras())).center + UTM, atol=2e-9, rtol=0
     )
-
-
-def write_beside(dataset, folder, scene):
-    return write_export_frame(frame_beside(dataset, folder, scene), scene)

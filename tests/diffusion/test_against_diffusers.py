@@ -11,6 +11,7 @@ from typing import Any
 import diffusers
 import pytest
 import torch
+from tiny_models import tiny_unet
 
 from gsedit.paper.diffusion.guidance import Branches
 from gsedit.paper.diffusion.sampler import levels_of, sample
@@ -60,16 +61,7 @@ class Network:
 def network() -> Network:
     with torch.random.fork_rng():
         torch.manual_seed(0)  # the module offers no generator for its initial weights
-        unet = diffusers.UNet2DConditionModel(
-            block_out_channels=(32, 64),
-            layers_per_block=1,
-            sample_size=8,
-            in_channels=8,
-            out_channels=4,
-            down_block_types=("DownBlock2D", "CrossAttnDownBlock2D"),
-            up_block_types=("CrossAttnUpBlock2D", "UpBlock2D"),
-            cross_attention_dim=32,
-        )
+        unet = tiny_unet()
     return Network(unet.eval().double())
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import pytest
 import torch
+from sampler_runs import last
 
 from gsedit.errors import UsageError
 from gsedit.paper.diffusion.guidance import Branches, Need, guide
@@ -13,8 +14,6 @@ from gsedit.paper.diffusion.sampler import add_noise, levels_of, sample
 from gsedit.paper.diffusion.schedules import Schedule
 from gsedit.paper.diffusion.settings import SamplerSettings
 from gsedit.paper.settings import EditSettings, Preset, find_preset
-
-EPS32 = torch.finfo(torch.float32).eps
 
 
 def noise(*shape: int, seed: int = 0, dtype: torch.dtype = torch.float64) -> torch.Tensor:
@@ -39,13 +38,7 @@ class Point:
         return Branches(*(eps if needed else None for needed in need))
 
 
-def last(states):
-    *_, state = states
-    return state
-
-
 VIEWS = torch.arange(3)
-LABELS = torch.tensor([[[0, 1, -1]], [[1, 2, -1]], [[2, 0, 1]]])  # clusters of 2, 3 and 2 cells
 
 
 def test_schedule_is_stable_diffusions():

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 import torch
-from research.sampler.mixtures import mixture_problem, noised_draw
+from mixtures import mixture_problem, noised_draw
 from sampler_runs import SOLVERS, UNGUIDED, generator, run
 
 from gsedit.errors import UsageError
@@ -26,8 +26,7 @@ def counting(model):
             calls.append(sum(need))
             return super().branches(x, t, condition, need)
 
-    names = ("text_image", "image", "none")
-    return Counting(**{name: getattr(model, name) for name in names}), calls
+    return Counting(**vars(model)), calls
 
 
 @pytest.mark.parametrize("solver", SOLVERS)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 import torch
-from research.sampler.mixtures import MixtureProblem, mixture_problem
+from mixtures import MixtureProblem, mixture_problem
 from sampler_runs import FLOW, SD, SOLVERS, TERMINAL, UNGUIDED, run
 
 from gsedit.errors import UsageError
@@ -81,10 +81,8 @@ def test_an_overflowing_network_is_named():
             found = super().branches(x, t, condition, need)
             return type(found)(*(None if b is None else (b * 1e9).half() for b in found))
 
-    base = mixture_problem(0.5)
-    fields = {name: getattr(base, name) for name in ("text_image", "image", "none")}
     with pytest.raises(UsageError, match=r"mixture's prediction \(in torch.float16\) at t = 999"):
-        run(Overflowing(**fields), replace(UNGUIDED, steps=5))
+        run(Overflowing(**vars(mixture_problem(0.5))), replace(UNGUIDED, steps=5))
 
 
 @pytest.mark.parametrize("shape", [(1, 4, 1, 1), (2, 4, 3, 7), (64, 1, 2, 1)])

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import pytest
 import torch
-from research.sampler.mixtures import mixture_problem, noised_draw
+from mixtures import mixture_problem, noised_draw
 from sampler_runs import FLOW, SD, TERMINAL, UNGUIDED, generator, last, pair, rectified_flow, run
 
 from gsedit.errors import UsageError

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import pytest
 import tiny_edits
@@ -11,7 +11,7 @@ import torch
 import gsedit
 from gsedit.editing.plan import read_steps
 from gsedit.errors import UsageError
-from gsedit.paper.editors import make_editor
+from gsedit.paper.editors import make_editor, make_masks
 from gsedit.paper.settings import EditSettings
 from gsedit.select.finder import Names
 
@@ -48,22 +48,9 @@ def test_painters_take_turns_in_the_order_of_the_sentence(tmp_path):
     gsedit.write_edit(tmp_path / "out", result)
 
 
-@dataclass(frozen=True)
-class Blank:
-    """Masks that are never asked for."""
-
-    name: str = "blank"
-
-    def check(self, phrase: str) -> None:
-        """A check that refuses nothing."""
-
-    def masks(self, pictures, phrase):
-        """No masks of these pictures."""
-        raise AssertionError("masks were asked for")
-
-
 def test_masks_are_refused_where_a_2d_editor_draws():
-    given = {"views": tiny_edits.data(), "names": Names(masks=Blank())}
+    masks = make_masks("command", run="false {input} {output} {phrase}")  # it is not asked
+    given = {"views": tiny_edits.data(), "names": Names(masks=masks)}
     with pytest.raises(UsageError, match="a 2D editor gets this one as it is"):
         gsedit.edit(tiny_edits.scene(), "as gold", editor=make_editor("closed-form"), **given)
 

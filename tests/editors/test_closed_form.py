@@ -6,7 +6,8 @@ import math
 
 import pytest
 import torch
-from closeness import EPS32, assert_near
+from closeness import EPS32, assert_near, slope_error
+from small_scenes import generator
 
 from gsedit.paper.consistency.correspond import Correspondences
 from gsedit.paper.diffusion.settings import SamplerSettings
@@ -25,10 +26,6 @@ from gsedit.paper.editors.sampling import DiffusionEditor
 
 SIZE = 64
 OFF = SamplerSettings(consensus=False, noise="independent")
-
-
-def generator(seed: int = 0) -> torch.Generator:
-    return torch.Generator().manual_seed(seed)
 
 
 def picture(height: int = SIZE, width: int = SIZE) -> torch.Tensor:
@@ -106,6 +103,7 @@ def test_latent_is_an_isometry_with_an_exact_inverse():
     scale = RADIUS / math.sqrt(3 * 24 * 40)
     torch.testing.assert_close((za - zb).norm(), 2 * scale * (a - b).norm())
     torch.testing.assert_close(model.decode(za), a)
+    assert slope_error(ClosedForm().encode, 1e-2) < 1e-3  # score distillation descends through it
 
 
 @pytest.mark.parametrize(

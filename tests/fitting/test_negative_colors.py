@@ -18,15 +18,10 @@ def blue(scene):
     return 0.5 + SH_DC * scene.sh[:, 0, 2]
 
 
-def scene_without_blue():
-    scene = surface_gaussians(demo_scene(), 300, torch.Generator().manual_seed(0))
-    sh = scene.sh.clone()
-    sh[:, 0, 2] = (-0.2 - 0.5) / SH_DC
-    return scene, replace(scene, sh=sh)
-
-
 def test_a_scene_whose_blue_is_negative_becomes_blue():
-    scene, yellow = scene_without_blue()
+    scene = surface_gaussians(demo_scene(), 300, torch.Generator().manual_seed(0))
+    yellow = replace(scene, sh=scene.sh.clone())
+    yellow.sh[:, 0, 2] = (-0.2 - 0.5) / SH_DC
     camera = ring_cameras(demo_scene(), 1, 48)[0]
     with torch.no_grad():
         view = View("a", camera, render(scene, camera).color.clamp(0, 1))

@@ -6,12 +6,9 @@ from gsedit.bench.synthetic import demo_scene, ring_cameras
 from gsedit.capture.fitting.update import random_crop
 
 
-def camera(width, height):
-    return ring_cameras(demo_scene(), 1, 64)[0].resized(width, height)
-
-
 def test_the_borders_of_a_picture_are_in_a_third_as_many_crops_as_its_middle_or_more():
-    generator, wide = torch.Generator().manual_seed(0), camera(256, 128)
+    generator = torch.Generator().manual_seed(0)
+    wide = ring_cameras(demo_scene(), 1, 64)[0].resized(256, 128)
     counts = torch.zeros(128, 256)
     for _ in range(4000):
         left, top, width, height = random_crop(wide, 64, generator)

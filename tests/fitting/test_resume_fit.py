@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 import torch
-from small_scenes import scenes, traced_dataset
+from small_scenes import generator, scenes, traced_dataset
 
 from gsedit import Checkpoint, Event, FitSettings, fit_steps
 from gsedit.bench.synthetic import ring_cameras
@@ -29,13 +29,9 @@ def photos():
     return traced_dataset(scenes()[0], ring_cameras(scenes()[0], 6, 32), points=200)
 
 
-def generator(seed: int = 3) -> torch.Generator:
-    return torch.Generator().manual_seed(seed)
-
-
 def first_state(photos, settings):
     """State of the first checkpoint."""
-    items = fit_steps(photos, settings, generator=generator())
+    items = fit_steps(photos, settings, generator=generator(3))
     return next(item for item in items if isinstance(item, Checkpoint)).state
 
 
@@ -51,10 +47,10 @@ def write(items, folder):
 
 
 def test_a_fit_stopped_at_any_checkpoint_ends_as_the_whole_one(photos, tmp_path):
-    *events, whole = write(fit_steps(photos, SETTINGS, generator=generator()), tmp_path)
+    *events, whole = write(fit_steps(photos, SETTINGS, generator=generator(3)), tmp_path)
     for step in (3, 15, 23):  # before and after scenes grew
         state = load_state(tmp_path / str(step))
-        items = fit_steps(photos, SETTINGS, generator=generator(), resume=state)
+        items = fit_steps(photos, SETTINGS, generator=generator(3), resume=state)
         *after, resumed = [item for item in items if not isinstance(item, Checkpoint)]
         for name, value in vars(whole.scene).items():
             ours = getattr(resumed.scene, name)
@@ -69,7 +65,7 @@ def test_a_fit_stopped_at_any_checkpoint_ends_as_the_whole_one(photos, tmp_path)
 def test_another_fit_does_not_go_on(photos):
     state = first_state(photos, SETTINGS)
     with pytest.raises(UsageError, match=r"settings.steps is 25, was 24"):
-        next(fit_steps(photos, replace(SETTINGS, steps=25), generator=generator(), resume=state))
+        next(fit_steps(photos, replace(SETTINGS, steps=25), generator=generator(3), resume=state))
     with pytest.raises(UsageError, match=r"not the fit that was interrupted: seed is 4, was 3"):
         next(fit_steps(photos, SETTINGS, generator=generator(4), resume=state))
 
@@ -83,8 +79,8 @@ def test_a_crafted_checkpoint_is_refused_by_its_file(photos, tmp_path):
         if tensors[name].shape != state.tensors[name].shape:
             save_state(replace(state, tensors=tensors), path)
             with pytest.raises(InputError, match=f"{path} is damaged"):
-                next(fit_steps(photos, SETTINGS, generator=generator(), resume=load_state(path)))
+                next(fit_steps(photos, SETTINGS, generator=generator(3), resume=load_state(path)))
     for changed in ({"order": [9999]}, {"curve": [1]}, {"request": {}}):
         save_state(state.along_with(**changed), path)
         with pytest.raises((InputError, UsageError)):
-            next(fit_steps(photos, SETTINGS, generator=generator(), resume=load_state(path)))
+            next(fit_steps(photos, SETTINGS, generator=generator(3), resume=load_state(path)))

@@ -8,7 +8,7 @@ from itertools import count
 import pytest
 import torch
 from point_clouds import ball
-from small_scenes import scenes, traced_dataset
+from small_scenes import generator, scenes, traced_dataset
 
 from gsedit import Event, FitSettings, fit_steps
 from gsedit.bench.synthetic import ring_cameras
@@ -19,10 +19,6 @@ from gsedit.scene.framing import finest_pixels
 def photos(count: int = 16, size: int = 48):
     """A globe, and points on it."""
     return traced_dataset(scenes()[0], ring_cameras(scenes()[0], count, size), points=500)
-
-
-def generator() -> torch.Generator:
-    return torch.Generator().manual_seed(0)
 
 
 def test_the_nearest_camera_that_sees_a_place_has_the_finest_pixel_there():

@@ -7,14 +7,10 @@ from dataclasses import replace
 import pytest
 import torch
 from scipy.spatial import KDTree
-from small_scenes import scenes, traced_dataset
+from small_scenes import generator, scenes, traced_dataset
 
 from gsedit.bench.synthetic import ring_cameras
 from gsedit.capture.fitting.initial import initial_scene, swept_points
-
-
-def generator() -> torch.Generator:
-    return torch.Generator().manual_seed(0)
 
 
 @pytest.fixture(scope="module")

@@ -14,6 +14,7 @@ from gsedit.errors import InputError
 from gsedit.formats.files import open_scene
 from gsedit.formats.pictures import picture_size
 from gsedit.formats.validity import invalid_rows
+from gsedit.run.json_files import read_json
 
 
 @pytest.mark.parametrize(
@@ -110,10 +111,10 @@ def test_hostile_meshes_are_refused(tmp_path, name, content):
         open_scene(tmp_path / "in" / name)
 
 
-@pytest.mark.parametrize("suffix", [".ply", ".obj", ".spz", ".png"])
+@pytest.mark.parametrize("suffix", [".ply", ".obj", ".spz", ".png", ".json"])
 def test_what_is_no_file_is_refused_at_once(tmp_path, suffix):
     pipe = tmp_path / f"a{suffix}"
     os.mkfifo(pipe)
-    reader = picture_size if suffix == ".png" else open_scene
+    reader = {".png": picture_size, ".json": read_json}.get(suffix, open_scene)
     with pytest.raises(InputError, match="a pipe or a device"):
         reader(pipe)

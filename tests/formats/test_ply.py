@@ -9,24 +9,15 @@ import numpy as np
 import pytest
 import torch
 from bad_files import PLY_COLUMNS, ply_bytes, scene_table
+from splat_tables import random_table
 
 from gsedit.errors import InputError
 from gsedit.formats.files import open_scene
 from gsedit.formats.ply.inria import columns
 from gsedit.formats.ply.records import element_blocks, read_ply_header
 from gsedit.formats.scenes import load, read_scene, save
+from gsedit.scene.table import gaussians_of
 from rasterizer import Gaussians
-
-
-def random_scene(n: int = 7, degree: int = 3) -> Gaussians:
-    generator = torch.Generator().manual_seed(degree)
-
-    def normal(*shape: int) -> torch.Tensor:
-        return torch.randn(shape, generator=generator)
-
-    return Gaussians(
-        normal(n, 3), normal(n, 4), normal(n, 3), normal(n), normal(n, (degree + 1) ** 2, 3)
-    )
 
 
 def assert_same(a: Gaussians, b: Gaussians) -> None:
@@ -96,7 +87,7 @@ def vertices(path) -> np.ndarray:
 @pytest.mark.parametrize("degree", range(4))
 def test_others_read_what_we_write(degree, tmp_path):
     """gsply is the independent reader; INRIA's own expects exactly these columns."""
-    scene = random_scene(degree=degree)
+    scene = gaussians_of(random_table(7, degree))
     save(scene, tmp_path / "scene.ply")
     other = gsply.plyread(tmp_path / "scene.ply")
     sh = np.concatenate((other.sh0[:, None], other.shN.reshape(len(scene), -1, 3)), axis=1)

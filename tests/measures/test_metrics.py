@@ -6,6 +6,7 @@ import pytest
 import torch
 
 from gsedit.errors import UsageError
+from gsedit.measures.decibels import psnr_from_rmse, rmse_from_psnr
 from gsedit.measures.formulas import psnr, rmse, ssim
 
 
@@ -25,6 +26,12 @@ def test_psnr_counts_decibels_of_the_error():
     difference = psnr(image + noise / 10, image) - psnr(image + noise, image)
     assert difference == pytest.approx(20, rel=1e-9)
     assert psnr(noise, image) == pytest.approx(-20 * log10(rmse(noise, image)))
+
+
+@pytest.mark.parametrize("error", [1e-12, 1e-3, 0.1, 0.5, 1.0, 2.0])
+def test_decibels_and_errors_are_inverse_to_each_other(error):
+    assert psnr_from_rmse(error) == pytest.approx(-20 * log10(error), abs=1e-12)
+    assert rmse_from_psnr(psnr_from_rmse(error)) == pytest.approx(error, rel=1e-12)
 
 
 def test_a_mask_measures_inside_only():

@@ -23,24 +23,6 @@ def front() -> Camera:
     )
 
 
-def ball_of_discs(count: int) -> Gaussians:
-    """The shell, of another number of discs of the same overlap."""
-    i = torch.arange(count, dtype=torch.float64) + 0.5
-    z = 1 - 2 * i / count
-    angle = i * torch.pi * (3 - 5**0.5)
-    ring = (1 - z * z).sqrt()
-    normal = torch.stack((ring * angle.cos(), ring * angle.sin(), z), -1)
-    upper = torch.where(z[:, None] < 0, -normal, normal)
-    size = 0.07 * (400 / count) ** 0.5
-    return Gaussians(
-        0.8 * normal + torch.tensor((0.0, 0.0, 3.0), dtype=torch.float64),
-        torch.stack((1 + upper[:, 2], -upper[:, 1], upper[:, 0], torch.zeros(count)), -1),
-        torch.tensor((size, size, size / 10), dtype=torch.float64).log().repeat(count, 1),
-        torch.full((count,), 4.0, dtype=torch.float64),
-        torch.zeros(count, 1, 3, dtype=torch.float64),
-    ).to(torch.float32)
-
-
 def sphere_normals(camera: Camera) -> tuple[torch.Tensor, torch.Tensor]:
     """Exact normals of the shell's sphere in the camera's axes, y up and z towards the viewer; and
     where it is seen, but at its rim."""
@@ -67,7 +49,7 @@ def test_normals_of_a_sphere_of_discs_are_those_of_the_sphere():
     exact, seen = sphere_normals(camera)
     errors = []
     for count in (400, 1600):
-        normals = normal_map(ball_of_discs(count), camera)
+        normals = normal_map(shell(count)[0].to(torch.float32), camera)
         torch.testing.assert_close(normals[seen].norm(dim=-1), torch.ones(int(seen.sum())))
         off = degrees_off(normals, exact)[seen]
         errors.append(float(off.mean()))

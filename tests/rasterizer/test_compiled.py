@@ -4,21 +4,18 @@ import gc
 import os
 import signal
 import weakref
-from dataclasses import replace
 
 import pytest
 import torch
-from closeness import leaves, relative, tensors, weights_like
+from closeness import leaves
 from scenes import cloud
 
-from gsedit.capture.fitting import adam
-from rasterizer import Execution, Numerics, render, tiles
+from rasterizer import Execution, render, tiles
 from rasterizer import compiled as library
 from rasterizer.blending import cpp_backend as compiled
 from rasterizer.cpp_projection import kernel as front
 
 TORCH, COMPILED = Execution(kernel="torch"), Execution(kernel="compiled")
-WHOLE_SUM = Numerics(transmittance_min=0.0)
 pytestmark = pytest.mark.filterwarnings("error")
 
 
@@ -35,24 +32,6 @@ def empty_cache(tmp_path, monkeypatch):
     library.make.cache_clear()
     yield tmp_path / "cache" / "gsedit"
     library.make.cache_clear()
-
-
-def gradients(scene, camera, execution, numerics=WHOLE_SUM):
-    inputs = leaves(scene)
-    drawn = render(inputs, camera, execution=execution, numerics=numerics, median_depth=True)
-    loss = (drawn.color * weights_like(drawn.color)).sum()
-    loss = loss + (drawn.alpha * weights_like(drawn.alpha, 1)).sum()
-    return drawn, torch.autograd.grad(loss, tensors(inputs))
-
-
-@pytest.mark.parametrize("size", [1, 3, 8, 16, 40])
-def test_any_tile_size(size, kernel):
-    scene, camera = cloud()
-    wanted, exact = gradients(scene, camera, TORCH)
-    found, close = gradients(scene, camera, replace(COMPILED, tile_size=size))
-    assert (found.color - wanted.color).abs().max() < 1e-12
-    for a, b in zip(close, exact):
-        assert relative(a, b) < 1e-12
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="this system does not fork")
@@ -98,16 +77,6 @@ def test_a_picture_is_freed_when_it_is_dropped(execution, module, maker, kernel,
         assert lists[0]() is None
     finally:
         gc.enable()
-
-
-def test_it_is_compiled_once(kernel, empty_cache, monkeypatch):
-    source = adam.SOURCE  # the shortest
-    assert library.make(source).library is not None
-    (made,) = empty_cache.iterdir()
-    library.make.cache_clear()
-    monkeypatch.setattr(library, "compile_library", None)  # calling it again would fail
-    assert library.make(source).library is not None
-    assert list(empty_cache.iterdir()) == [made]
 
 
 @pytest.mark.parametrize(

@@ -14,9 +14,6 @@ from rasterizer.blending import cpp_backend
 BY_NAME = {case.name: case for case in EDGE_CASES}
 
 
-"""Error of a color in [0, 1]: a rounding for each Gaussian that one pixel can blend."""
-
-
 def flags() -> dict[str, object]:
     tiny = torch.tensor([1e-40]) * 0.5  # 0 where denormals are flushed
     return {

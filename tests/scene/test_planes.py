@@ -37,25 +37,17 @@ def test_a_ball_in_a_cloud_stands_on_nothing():
     assert find_support(points[ball], ball[ball], np.ones(ball.sum())) is None
 
 
-def test_of_a_tilted_and_a_level_plane_with_as_many_votes_the_level_one_carries():
+@pytest.mark.parametrize(
+    ("slope", "drop", "level"),
+    [(0.3, 0.1, 3000), (1.0, 0.4, 1500)],
+    ids=["tilted, as many votes", "steep, five times as many"],
+)
+def test_of_a_level_and_a_sloping_plane_the_level_one_carries(slope, drop, level):
     random, up = np.random.default_rng(0), np.array((0.0, 0.0, 1.0))
     ball = random.uniform((-0.4, -0.4, 0.1), (0.4, 0.4, 0.9), (2000, 3))
-    x, y = random.uniform(-1, 1, (2, 6000))
-    level = np.stack((x, y, 0 * x), 1)
-    tilted = np.stack((x, y, 0.3 * x - 0.1), 1)
-    points = np.concatenate((ball, level[:3000], tilted[3000:]))
-    support = find_support(points, np.arange(len(points)) < len(ball), np.ones(len(points)), up)
-    assert support is not None
-    assert support.normal @ up > 0.999
-
-
-def test_a_thing_stands_on_no_steep_slope_however_much_of_it_is_around():
-    random, up = np.random.default_rng(0), np.array((0.0, 0.0, 1.0))
-    ball = random.uniform((-0.4, -0.4, 0.1), (0.4, 0.4, 0.9), (2000, 3))
-    x, y = random.uniform(-1, 1, (2, 9000))
-    points = np.concatenate(
-        (ball, np.stack((x, y, 0 * x), 1)[:1500], np.stack((x, y, x - 0.4), 1)[1500:])
-    )
+    x, y = random.uniform(-1, 1, (2, 6000 if level == 3000 else 9000))
+    flat, sloping = (np.stack((x, y, z), 1) for z in (0 * x, slope * x - drop))
+    points = np.concatenate((ball, flat[:level], sloping[level:]))
     support = find_support(points, np.arange(len(points)) < len(ball), np.ones(len(points)), up)
     assert support is not None
     assert support.normal @ up > 0.999

@@ -76,12 +76,6 @@ def test_a_file_has_a_largest_size(tmp_path):
         read_json(tmp_path / "a.json")
 
 
-def test_a_pipe_is_refused_at_once(tmp_path):
-    os.mkfifo(tmp_path / "cameras.json")
-    with pytest.raises(InputError, match="pipe or a device"):
-        read_cameras(tmp_path / "cameras.json")
-
-
 @pytest.mark.parametrize(
     "change",
     [

@@ -12,9 +12,9 @@ from pathlib import Path
 
 import pytest
 import torch
+from tiny_edits import painted, seen
 
 from gsedit import Checkpoint, Dataset, EditResult, EditSettings, Event, edit_steps
-from gsedit.bench.synthetic import demo_scene, ring_cameras, surface_gaussians
 from gsedit.capture.fitting.settings import UpdateSettings
 from gsedit.errors import InputError, UsageError
 from gsedit.paper.diffusion.settings import SamplerSettings
@@ -22,7 +22,6 @@ from gsedit.paper.editors import Capabilities, EditProgress, make_editor
 from gsedit.paper.strategies import find_strategy, strategy_names
 from gsedit.paper.strategies.single_pass import SinglePass
 from gsedit.run.state import load_state, save_state
-from gsedit.views.dataset import capture
 
 SETTINGS = EditSettings(
     sampler=SamplerSettings(steps=4),
@@ -42,15 +41,6 @@ def short(name):
     few = {key: 2 if "between" in key else 12 for key in long}
     views = {"dataset_views": "planned"} if hasattr(strategy, "dataset_views") else {}
     return replace(strategy, **few, **views)
-
-
-def make_scene():
-    return surface_gaussians(demo_scene(), 400, torch.Generator().manual_seed(0))
-
-
-def make_data(scene):
-    cameras = ring_cameras(demo_scene(), 6, 32)
-    return Dataset(capture(scene, cameras, [str(i) for i in range(6)]))
 
 
 class Request:
@@ -73,8 +63,7 @@ class Request:
 
 @pytest.fixture(scope="module")
 def request_():
-    scene = make_scene()
-    return Request(scene, make_data(scene))
+    return Request(painted(400), seen(400, 6, 32))
 
 
 def write(items, folder):
@@ -205,8 +194,7 @@ from pathlib import Path
 sys.path[:0] = [sys.argv[1], sys.argv[2]]
 import test_resume
 from gsedit.run.state import save_state
-scene = test_resume.make_scene()
-request = test_resume.Request(scene, test_resume.make_data(scene))
+request = test_resume.Request(test_resume.painted(400), test_resume.seen(400, 6, 32))
 for item in request.steps():
     if isinstance(item, test_resume.Checkpoint):
         save_state(item.state, Path(sys.argv[3]))
@@ -218,7 +206,7 @@ for item in request.steps():
 def test_an_edit_goes_on_after_kill_9(request_, tmp_path):
     here = Path(__file__).parent
     state = tmp_path / "state"
-    command = [sys.executable, "-c", CHILD, str(here), str(here.parent), str(state)]
+    command = [sys.executable, "-c", CHILD, str(here), str(here.parents[1]), str(state)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as child:
         assert child.stdout is not None
         while int(child.stdout.readline()) < 10:

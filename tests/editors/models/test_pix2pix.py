@@ -31,7 +31,7 @@ def noise(views: int = 2, cells: int = 16) -> torch.Tensor:
     return torch.randn(views, 4, cells, cells, generator=torch.Generator().manual_seed(2))
 
 
-def ours(model, settings: SamplerSettings, prediction: str = "epsilon") -> torch.Tensor:
+def ours(model, settings: SamplerSettings) -> torch.Tensor:
     condition = model.condition(images(), PROMPT, torch.Generator())
     *_, state = sample(model, condition, noise(), settings)
     return state.x
