@@ -12,9 +12,9 @@ ROOT = Path(__file__).parents[1]
 LONGEST_FUNCTION = 40
 """Lines, the docstring not counted."""
 MOST = {
-    "product": (("gsedit", "cli", "rasterizer"), 65_264, 372),
-    "tests": (("tests",), 31_235, 292),
-    "examples": (("examples",), 5_511, 43),
+    "product": (("gsedit", "cli", "rasterizer"), 65_114, 372),
+    "tests": (("tests",), 31_228, 292),
+    "examples": (("examples",), 5_483, 42),
 }
 """Lines and files of Python of the whole house: whoever wants a line finds one to give. These
 numbers only ever fall."""
