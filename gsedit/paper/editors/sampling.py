@@ -61,7 +61,7 @@ class DiffusionEditor:
 
     @property
     def capabilities(self) -> Capabilities:
-        """The denoiser's, the denoiser itself, and that views can be shared out."""
+        """The denoiser's, and the denoiser itself."""
         declared = self.denoiser.capabilities
         return replace(
             declared,
