@@ -61,7 +61,7 @@ class Attribute:
 
     name: str
     before: Quantiles
-    """At QUANTILES."""
+    """Its values in the first scene, at QUANTILES."""
     after: Quantiles
 
 
