@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import radians, tan
-from typing import Literal
+from typing import Any, Literal
 
 import torch
 from jaxtyping import Float
@@ -105,8 +105,15 @@ def look_at(
     eye, target, up = (v.to(torch.float64) for v in (eye, target, up))
     forward = torch.nn.functional.normalize(target - eye, dim=0)
     right = torch.nn.functional.normalize(torch.linalg.cross(forward, up), dim=0)
-    pose = torch.eye(4, dtype=torch.float64)
-    pose[:3, :3] = torch.stack((right, torch.linalg.cross(forward, right), forward))
-    pose[:3, 3] = -pose[:3, :3] @ eye
+    pose = pose_of(torch.stack((right, torch.linalg.cross(forward, right), forward)), eye)
     focal = height / 2 / tan(radians(fov_y) / 2)
     return Camera(pose, focal, focal, width / 2, height / 2, width, height)
+
+
+def pose_of(rotation: Any, center: Any) -> Float[Tensor, "4 4"]:
+    """World to camera, float64, of a camera at a center with these axes as rows (right, down and
+    forward): arrays or tensors."""
+    pose = torch.eye(4, dtype=torch.float64)
+    pose[:3, :3] = torch.as_tensor(rotation)
+    pose[:3, 3] = -pose[:3, :3] @ torch.as_tensor(center).to(pose)
+    return pose

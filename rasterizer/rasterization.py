@@ -8,6 +8,7 @@ batch, and `leading` the shape (..., C) of all images; `K` harmonics.
 from __future__ import annotations
 
 from collections import UserDict
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from math import prod
@@ -18,6 +19,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from rasterizer import checks, harmonics
+from rasterizer.blending.backend import Blended
 from rasterizer.camera import Camera
 from rasterizer.cpp_projection.kernel import Request
 from rasterizer.cpp_projection.picture import Prepared, prepare
@@ -31,7 +33,7 @@ from rasterizer.project import (
     rotation_matrices,
 )
 from rasterizer.scene import Gaussians
-from rasterizer.splat import Splatted, splat
+from rasterizer.splat import splat
 
 
 @dataclass(frozen=True, eq=False)
@@ -310,8 +312,8 @@ def rasterization(
         means2d.retain_grad()
     # features, which may be larger than all else, live for one image at a time
     each = zip(clouds, requests, images, images_of(means2d, 2))
-    pictures = [_picture(*one, color=color) for one in each]
-    meta = _meta(images, means2d, (width, height), pictures[0].tile_size)
+    pictures, sizes = zip(*(_picture(*one, color=color) for one in each))
+    meta = _meta(images, means2d, (width, height), sizes[0])
     picture, alphas = _composed(pictures, render_mode, backgrounds)
     return picture.unflatten(0, leading), alphas.unflatten(0, leading), meta
 
@@ -391,8 +393,8 @@ def _picture(
     centers: Float[Tensor, "N 2"],
     *,
     color: bool,
-) -> Splatted:
-    """Blend the Gaussians of an image, at these positions."""
+) -> tuple[Blended, int]:
+    """Blend the Gaussians of an image, at these positions; and the side of the tiles, pixels."""
     camera, box, numerics, execution, depth, *_ = vars(request).values()
     if isinstance(image, Splats):
         xy = centers.index_select(0, image.rows)
@@ -401,11 +403,11 @@ def _picture(
         return splat(moved, features, box, numerics, execution=execution)
     unknown = color and cloud.color.ndim == 2
     features = colors_of(cloud, image.listed.rows, camera) if unknown else None
-    return Splatted(*image.picture(centers, features), image.listed.bins.size)
+    return image.picture(centers, features), image.listed.bins.size
 
 
 def _composed(
-    pictures: list[Splatted], render_mode: RenderMode, backgrounds: Float[Tensor, "i d"] | None
+    pictures: Sequence[Blended], render_mode: RenderMode, backgrounds: Float[Tensor, "i d"] | None
 ) -> tuple[Float[Tensor, "i h w x"], Float[Tensor, "i h w 1"]]:
     """Colors over their backgrounds, then depth; and alphas, of all images."""
     color = _stacked([one.features for one in pictures])

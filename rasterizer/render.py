@@ -62,36 +62,20 @@ def render(
         checks.all_finite("background", background)
     box, execution = crop or (0, 0, camera.width, camera.height), ruling(execution)
     drawn = draw(scene, camera, box, numerics, execution, depth=depth, median=median_depth)
-    if drawn is not None:
-        return _composed(*drawn, background, depth)
-    source = stored_scene(scene)
-    splats = preprocess(source, camera, box, numerics)
-    features = features_of(source, splats, camera, depth=depth)
-    blended = splat(splats, features, box, numerics, execution=execution, median=median_depth)
-    median = rows = None
-    if blended.median_index is not None:
-        median = median_depths(splats.projected.depth.detach(), blended.median_index)
-        rows = median_rows(splats.rows, blended.median_index)
-    return _composed(blended.features, blended.transmittance, median, rows, background, depth)
-
-
-def _composed(
-    features: Float[Tensor, "h w d"],
-    transmittance: Float[Tensor, "h w"],
-    median: Float[Tensor, "h w"] | None,
-    rows: Int[Tensor, "h w"] | None,
-    background: Float[Tensor, "3"] | None,
-    depth: bool,
-) -> Rendering:
-    """Colors over the background, and the fourth feature over alpha where there is depth."""
-    alpha = 1 - transmittance
-    color = features[..., :3]
+    if drawn is None:
+        source = stored_scene(scene)
+        splats = preprocess(source, camera, box, numerics)
+        features = features_of(source, splats, camera, depth=depth)
+        made, _ = splat(splats, features, box, numerics, execution=execution, median=median_depth)
+        drawn = made, splats.projected.depth.detach(), splats.rows
+    (features, transmittance, index), depths, rows = drawn
+    alpha, color = 1 - transmittance, features[..., :3]
     if background is not None:
         color = color + transmittance[..., None] * background.to(color)
-    expected = None
-    if depth:
-        expected = features[..., 3] / alpha.masked_fill(alpha == 0, 1)
-    return Rendering(color, alpha, expected, median, rows)
+    expected = features[..., 3] / alpha.masked_fill(alpha == 0, 1) if depth else None
+    if index is None or depths is None:
+        return Rendering(color, alpha, expected)
+    return Rendering(color, alpha, expected, median_depths(depths, index), median_rows(rows, index))
 
 
 def backproject(

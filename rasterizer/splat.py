@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import torch
 from jaxtyping import Float, Int
@@ -16,18 +16,6 @@ from rasterizer.preprocess import Splats
 from rasterizer.project import Box, cutoff_radii
 
 
-class Splatted(NamedTuple):
-    """Blended rectangle of pixels, over black."""
-
-    features: Float[Tensor, "h w d"]
-    transmittance: Float[Tensor, "h w"]
-    median_index: Int[Tensor, "h w"] | None
-    """Index of the splat at which the transmittance falls to one half; -1: none. None where it is
-    not asked for."""
-    tile_size: int
-    """Side of the tiles, pixels."""
-
-
 def splat(
     splats: Splats,
     features: Float[Tensor, "m d"],
@@ -36,8 +24,9 @@ def splat(
     *,
     execution: Execution = AUTO,
     median: bool = False,
-) -> Splatted:
-    """Blend 2D Gaussians with any number of features over the pixels of a box.
+) -> tuple[Blended, int]:
+    """Blend 2D Gaussians with any number of features over the pixels of a box; and the side of the
+    tiles, pixels.
 
     `execution` and the features' device and dtype choose the backend. Differentiable in xy,
     whitening, log-opacities and features.
@@ -48,7 +37,7 @@ def splat(
     columns = (xy, splats.projected.whitening, splats.log_opacities[:, None], features)
     table = torch.cat(columns, -1)
     inputs = BlendInputs(table, bins, width, height, numerics)
-    return Splatted(*composite(inputs, backend, median=median), bins.size)
+    return composite(inputs, backend, median=median), bins.size
 
 
 def list_tiles(

@@ -12,7 +12,7 @@ ROOT = Path(__file__).parents[1]
 LONGEST_FUNCTION = 40
 """Lines, the docstring not counted."""
 MOST = {
-    "product": (("gsedit", "cli", "rasterizer"), 65_264, 372),
+    "product": (("gsedit", "cli", "rasterizer"), 65_112, 372),
     "tests": (("tests",), 30_910, 288),
     "examples": (("examples",), 5_316, 41),
 }

@@ -65,6 +65,14 @@ class Writes:
 
 
 @dataclass(frozen=True)
+class Folder(Writes):
+    """Output of a verb that writes a folder."""
+
+    out: Path = option(..., "PATH", flags="--output -o")
+    """Folder for the results."""
+
+
+@dataclass(frozen=True)
 class Data:
     """Option of every verb that looks through the cameras of photos."""
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
-from ..core.command import VerbCommand, as_command, option, parameters_of
+from ..core.command import VerbCommand, as_command, parameters_of
 from ..core.console import print_result
 from ..core.progress import progress
 
@@ -19,14 +18,15 @@ if TYPE_CHECKING:
 bench = typer.Typer(no_args_is_help=True, add_completion=False, rich_markup_mode=None)
 
 Row = TypeVar("Row")
-
-
-@dataclass(frozen=True)
-class TargetOptions:
-    """Options of `gsedit bench targets`."""
-
-    points: Path | None = option(None, "FILE", envvar="GSEDIT_GARDEN")
-    """Points of the garden scene: garden.npz, a test asset of gsplat."""
+Points = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE",
+        envvar="GSEDIT_GARDEN",
+        show_default=False,
+        help="Points of the garden scene: garden.npz, a test asset of gsplat.",
+    ),
+]
 
 
 @bench.callback()
@@ -45,7 +45,7 @@ def stability() -> None:
     print_result({"rows": rows}, table(rows))
 
 
-def targets(*, own: TargetOptions) -> None:
+def targets(*, points: Points = None) -> None:
     """Print how many times as fast as the reference the renderer is here, and its errors.
 
     The exit code is 0 whether or not they are reached.
@@ -54,7 +54,7 @@ def targets(*, own: TargetOptions) -> None:
     """
     from gsedit.bench.renderer.speed import measure_targets, table
 
-    rows = collect(measure_targets(own.points))
+    rows = collect(measure_targets(points))
     reached = sum(row.reached is True for row in rows)
     print_result({"targets": rows, "reached": reached}, table(rows))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING, Annotated
@@ -16,7 +16,6 @@ from ..core.command import (
     Settings,
     Values,
     argument,
-    option,
     settings_of,
     shows,
     with_values,
@@ -25,7 +24,7 @@ from ..core.console import as_json, print_message, print_result
 from ..core.exits import Interrupted
 from ..core.outputs import check_folder
 from ..core.progress import progress, result_of
-from ..options.common import Writes
+from ..options.common import Folder
 
 if TYPE_CHECKING:
     from gsedit.capture.capture import CaptureResult
@@ -43,19 +42,11 @@ def capture_settings() -> list[Setting]:
     return list(settings_of(CaptureSettings(), without=("seed", "threads")))
 
 
-@dataclass(frozen=True)
-class CaptureOptions(Writes):
-    """Options of `gsedit capture` alone."""
-
-    out: Path = option(..., "PATH", flags="--output -o")
-    """Folder to write, which gsedit fit reads."""
-
-
 @shows("--output", "--frames", "--lens", "--focal", "--mask", "--size", "--force", "--seed")
 def capture(
     photos: Source,
     *,
-    own: CaptureOptions,
+    own: Folder,
     values: Annotated[Values, Settings(capture_settings)],
     common: Seeded,
 ) -> None:

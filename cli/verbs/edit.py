@@ -299,15 +299,11 @@ def asked_of_editor(asked: EditCommand, *, exact: bool) -> tuple[EditSettings, d
     settings, strategy = resolve(own.preset, values)
     if exact or not asked.asks:
         return settings, {}
-    from gsedit.paper import request as traits
-
-    traits.check_strategy(strategy)
     if idle := idle_settings(values, settings):
         print_message(f"{', '.join(idle)}: no effect where colors are solved for (--loss mse)")
     if settings.condition == "photo" and asked.views.data is None:
         raise UsageError("--condition photo shows the editor the photos: name them with --data")
-    whole = asked.editor.draws_all and traits.asks_editor(strategy)
-    followed = asked.instruction if whole else None
+    followed = asked.instruction if asked.editor.draws_all else None
     editor = asked.editor.make(asked.folder, followed, settings.sampler.precision)
     settings = at_size(settings, editor, asked.views.size if asked.sized else None)
     features = load_features(own.features)

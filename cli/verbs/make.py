@@ -13,12 +13,12 @@ from typing import Annotated, Any
 from gsedit.capture.settings import CaptureSettings
 from gsedit.errors import InputError, UsageError
 
-from ..core.command import Seeded, Setting, Settings, Values, option, settings_of, shows
+from ..core.command import Seeded, Setting, Settings, Values, settings_of, shows
 from ..core.console import print_message, print_result
 from ..core.exits import Interrupted
 from ..core.outputs import check_folder
 from ..options.cameras import ViewOptions
-from ..options.common import Writes
+from ..options.common import Folder
 from ..options.editing import EditorOptions, read_sentence
 from .capture import Source, capture_summary, run_capture, settings_from
 from .edit import EditCommand, EditOptions, Instruction, run_edit
@@ -36,14 +36,6 @@ def posing_settings() -> list[Setting]:
     return list(settings_of(CaptureSettings(), without=others))
 
 
-@dataclass(frozen=True)
-class MakeOptions(Writes):
-    """Output folder of the results."""
-
-    out: Path = option(..., "PATH", flags="--output -o")
-    """Folder for the posed photos, the scene and the edit."""
-
-
 @shows(
     "--output", "--size", "--quality", "--minutes", "--frames", "--lens", "--focal", "--editor",
     "--model", "--force", "--seed",
@@ -52,7 +44,7 @@ def make(
     photos: Source,
     instruction: Instruction,
     *,
-    own: MakeOptions,
+    own: Folder,
     posing: Annotated[Values, Settings(posing_settings)],
     recipe: Recipe,
     editor: EditorOptions,

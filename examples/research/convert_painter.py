@@ -128,7 +128,7 @@ def picture(height: int, width: int, phase: int) -> Tensor:
 @torch.no_grad()
 def differences(folder: Path) -> dict[str, float]:
     """The largest difference of each network to its file, on three pictures."""
-    painter, found = load_painter(), load_picture_styles()
+    painter, (network, predictor) = load_painter(), load_picture_styles()
     multistyle = running(read(folder, "multistyle26")[0])
     predict, transform = (running(dequantised(*read(folder, each))) for each in QUANTISED)
     pairs: dict[str, list[tuple[Tensor, np.ndarray]]] = {"styles": [], "vector": [], "painted": []}
@@ -139,10 +139,10 @@ def differences(folder: Path) -> dict[str, float]:
             own = painter.network(x, painter.styles[k])[0]
             pairs["styles"].append((own, multistyle(x.numpy(), numbers[k])))
         seen, content = picture(SIDE, SIDE, phase), picture(384, 384, -phase)
-        vector, expected = found.predictor(seen.movedim(-1, 0)[None]), predict(seen[None].numpy())
+        vector, expected = predictor(seen.movedim(-1, 0)[None]), predict(seen[None].numpy())
         pairs["vector"].append((vector, expected.reshape(1, -1)))
-        style = found.predictor.affine(vector[0])
-        own = found.network(content.movedim(-1, 0)[None], style)[0].movedim(1, -1)
+        style = predictor.affine(vector[0])
+        own = network(content.movedim(-1, 0)[None], style)[0].movedim(1, -1)
         pairs["painted"].append((own, transform(content[None].numpy(), expected)))
     return {k: max(float(np.abs(a.numpy() - b).max()) for a, b in v) for k, v in pairs.items()}
 

@@ -19,19 +19,11 @@ from gsedit.run.json_files import list_of, number, object_of, read_json, text
 from gsedit.run.json_lines import write_record
 
 
-@dataclass(frozen=True)
-class Undone:
-    """Folders of a session that no step up to the one that is shown needs."""
-
-    folders: tuple[Path, ...] = ()
-    size: int = 0
-    """Bytes of their files."""
-
-
-def undone(document: Document, session: Path | None) -> Undone:
-    """Find what may go of a session's folder, without what can go on after an interruption."""
+def undone(document: Document, session: Path | None) -> tuple[list[Path], int]:
+    """Find the folders of a session that no step up to the one that is shown needs, and the bytes
+    of their files; without what can go on after an interruption."""
     if session is None or not (session / STEPS).is_dir():
-        return Undone()
+        return [], 0
     done = document.steps[: document.position + 1]
     waiting = () if document.pending is None else document.pending.command
     named = [part for each in done for part in (each.scene, *each.command)]
@@ -42,7 +34,7 @@ def undone(document: Document, session: Path | None) -> Undone:
         if each.is_dir() and not each.is_symlink() and not any(k.is_relative_to(each) for k in kept)
     ]
     files = [file for each in folders for file in each.rglob("*") if file.is_file()]
-    return Undone(tuple(folders), sum(file.lstat().st_size for file in files))
+    return folders, sum(file.lstat().st_size for file in files)
 
 
 NAME = "session.json"

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import torch
 
-from gsedit.app.looking import best_of, focus_of
+from gsedit.app.looking import best_of
 from gsedit.errors import GseditError
 from gsedit.formats.scenes import read_scene
 from gsedit.scene.cache import SceneCache
@@ -22,7 +22,7 @@ from gsedit.scene.merging import MergedScene, coarsen
 from gsedit.views.around import FOUND_VIEWS, find_viewpoints
 from gsedit.views.cameras_json import cameras_file, recorded_viewpoints
 from gsedit.views.dataset import evenly_spaced
-from gsedit.views.paths import up_of
+from gsedit.views.paths import common_point, up_of
 from gsedit.views.viewpoints import Viewpoint
 from rasterizer.camera import Camera
 from rasterizer.numerics import DEFAULT, Numerics
@@ -176,7 +176,8 @@ class Loaded:
     @cached_property
     def middle(self) -> torch.Tensor:
         """The place that the recorded cameras look at, or the middle of the bulk; float64."""
-        found = focus_of([each.camera for each in self.recorded])
+        cameras = [each.camera for each in self.recorded]
+        found = common_point(cameras) if cameras else None
         return torch.tensor(self.bulk.center, dtype=torch.float64) if found is None else found
 
     def first_camera(self) -> Camera:

@@ -24,28 +24,11 @@ if TYPE_CHECKING:
 
 ABOVE = 0.3
 """Sine of the height over a subject that shows its top and front: 17 degrees."""
-BEFORE = 0.8
-"""Least share of the cameras that have the place they look at before them."""
 ROOM = 1.0
 """Radii of what is framed that fill the shorter side of the picture."""
 MARKS, MARK_SEEN, MARK_PIXELS = 9, 0.002, 256
 """Most objects that are numbered at once, one key each; least share of the picture that one fills;
 and the longer side at which they are looked for."""
-
-
-def focus_of(cameras: Sequence[Camera]) -> Float[Tensor, "3"] | None:
-    """The place nearest to all axes of the cameras, float64; None where they look at no one."""
-    if len(cameras) < 2:
-        return None
-    centers = torch.stack([each.center.double() for each in cameras])
-    axes = torch.stack([each.forward.double() for each in cameras])
-    across = torch.eye(3, dtype=torch.float64) - axes[:, :, None] * axes[:, None]
-    system, towards = across.sum(0), (across @ centers[..., None]).sum(0)
-    if float(torch.linalg.eigvalsh(system)[0]) < 1e-3 * len(cameras):
-        return None  # all look the same way
-    place = torch.linalg.solve(system, towards)[:, 0]
-    ahead = ((place - centers) * axes).sum(1) > 0
-    return place if float(ahead.double().mean()) >= BEFORE else None
 
 
 def best_of(cameras: Sequence[Camera], place: Float[Tensor, "3"], up: Float[Tensor, "3"]) -> Camera:

@@ -14,7 +14,7 @@ from typing import Any, TypeAlias
 from torch import Tensor
 
 from gsedit.app import document as documents
-from gsedit.app.document import Document, Eye, Pending, Step, Undone
+from gsedit.app.document import Document, Eye, Pending, Step
 from gsedit.app.loaded import Loaded, Scenes, read_checkpoint
 from gsedit.app.places import Places, free
 from gsedit.app.steps import CHECKPOINT, bring_along, folder_of_step, region_file, resumed, step_of
@@ -244,17 +244,17 @@ class Page(Audience):
             self.load(self.file_of(found.position))  # a damaged file changes nothing
         self.change(found)
 
-    def undone(self) -> Undone:
-        """Steps that are undone, or never ended, and their size on the disk."""
+    def undone(self) -> tuple[list[Path], int]:
+        """Folders of steps that are undone, or never ended, and their bytes on the disk."""
         return documents.undone(self.document, self.folder)
 
     def discard_undone(self) -> None:
         """Remove them for good. Raises UsageError where a command is in hand."""
         self.worker.check_idle()
-        found = self.undone()
+        folders, _ = self.undone()
         done = self.document.steps[: self.document.position + 1]
         self.change(replace(self.document, steps=done))  # first: no step names what is gone
-        for each in found.folders:
+        for each in folders:
             self._scenes.forget(each)
             shutil.rmtree(each)
         self.notify("document")

@@ -20,7 +20,7 @@ from gsedit.app.looking import framed
 from gsedit.app.moves import on_page
 from gsedit.errors import GseditError
 from gsedit.select.region import tinted
-from rasterizer.camera import Camera
+from rasterizer.camera import Camera, pose_of
 from rasterizer.numerics import DEFAULT
 from rasterizer.project import rotation_matrices
 from rasterizer.scene import Gaussians
@@ -36,9 +36,10 @@ def camera_of(
     """The camera of a pose (camera to world, OpenCV axes), with a vertical field of view, radians,
     and a picture of `size` (width, height)."""
     width, height = (max(each, 16) for each in size)  # a tab that is being opened has less
-    pose = torch.eye(4, dtype=torch.float64)
-    pose[:3, :3] = rotation_matrices(torch.tensor([[float(each) for each in wxyz]]).double())[0].T
-    pose[:3, 3] = -pose[:3, :3] @ torch.tensor([float(each) for each in position]).double()
+    axes, center = (
+        torch.tensor([float(each) for each in row]).double() for row in (wxyz, position)
+    )
+    pose = pose_of(rotation_matrices(axes[None])[0].T, center)
     focal = height / 2 / tan(fov / 2)
     return Camera(pose, focal, focal, width / 2, height / 2, width, height, near=near)
 

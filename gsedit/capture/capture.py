@@ -355,11 +355,11 @@ def _finish(work: _Mapping, out: Path) -> Working:
     model, refined, key = yield from work.refine()
     names = sorted(model["poses"])
     gravity = {name: each for group in work.groups for name, each in group.gravities.items()}
-    upright = find_upright(
+    turn, upright = find_upright(
         np.array([[*model["poses"][name], [0, 0, 0, 1]] for name in names], dtype=np.float64),
         np.array([gravity.get(name) or (np.nan,) * 3 for name in names], dtype=np.float64),
     )
-    rotation = upright.rotation.tolist()
+    rotation = turn.tolist()
     yield from _undistort(work, refined, rotation, fingerprint(key, rotation), len(names), out)
     photos = work.prepared.photos
     result = CaptureResult(
@@ -370,7 +370,7 @@ def _finish(work: _Mapping, out: Path) -> Working:
         error=model["error"],
         points=model["points"],
         focals=work.focals(model["cameras"]),
-        upright=upright.source,
+        upright=upright,
         missing=tuple(photo.name for photo in photos if photo.name not in model["poses"]),
         unreadable=work.prepared.unreadable,
         seconds=work.stages.seconds,

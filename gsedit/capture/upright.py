@@ -3,8 +3,6 @@ cameras. `n` cameras, OpenCV axes (x right, y down, z forward), rotations in flo
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from jaxtyping import Float64
 
@@ -21,20 +19,14 @@ it: 0.5 for a full circle, 0.09 for 60 degrees, 0 where they leave a choice."""
 ROUNDS = 20
 
 
-@dataclass(frozen=True, eq=False)
-class Upright:
-    """A rotation of the world after which y points down, and what it was found from."""
-
-    rotation: Float64[np.ndarray, "3 3"]
-    """x_upright = rotation @ x_world; the first camera looks along +z, seen from above."""
-    source: str
-    """"gravity" or "the cameras"."""
-
-
 def find_upright(
     world_to_cameras: Float64[np.ndarray, "n 4 4"], gravities: Float64[np.ndarray, "n 3"]
-) -> Upright:
-    """The upright frame of at least one camera. `gravities`: in camera axes, NaN where unknown."""
+) -> tuple[Float64[np.ndarray, "3 3"], str]:
+    """The rotation of the world after which y points down and the first of at least one camera
+    looks along +z, seen from above, and what tells it: "gravity" or "the cameras".
+
+    `gravities`: in camera axes, NaN where unknown.
+    """
     axes = world_to_cameras[:, :3, :3]  # rows: right, down, forward in the world
     known = np.isfinite(gravities).all(1)
     down, source = None, "gravity"
@@ -42,7 +34,7 @@ def find_upright(
         down = _agreed(np.einsum("nij,ni->nj", axes[known], gravities[known]))
     if down is None:
         down, source = down_of_cameras(axes), "the cameras"
-    return Upright(_frame(down, axes), source)
+    return _frame(down, axes), source
 
 
 def down_of_cameras(axes: Float64[np.ndarray, "n 3 3"]) -> Float64[np.ndarray, "3"]:

@@ -21,7 +21,7 @@ from gsedit.paper.actions import Strategy
 from gsedit.paper.draw import EditPlan, draw, explain
 from gsedit.paper.editors import make_editor
 from gsedit.paper.protocol import Editor
-from gsedit.paper.request import Method, Request, asks_editor, build_request
+from gsedit.paper.request import Method, Request, build_request
 from gsedit.paper.settings import EditSettings
 from gsedit.paper.strategies.single_pass import SinglePass
 from gsedit.run.events import Checkpoint, Event
@@ -153,18 +153,15 @@ def prepare(
     """Read a sentence, and check what is asked; without views, some are searched.
 
     The `editor` (the painter) draws its painting styles by the strategy (the single pass); one that
-    is no painter draws all of it, and so is all drawn by a strategy that asks no editor. `names`
-    are those of saved selections, and masks for nouns; with `accept_unread` words of which nothing
-    was made do not stop the rest. `resume` is the state of a checkpoint of the same edit. Raises
-    UsageError for a sentence that is
-    refused, what only a drawing heeds where nothing is drawn, masks that nothing asks for, an empty
-    scene.
+    is no painter draws all of it. `names` are those of saved selections, and masks for nouns; with
+    `accept_unread` words of which nothing was made do not stop the rest. `resume` is the state of a
+    checkpoint of the same edit. Raises UsageError for a sentence that is refused, what only a
+    drawing heeds where nothing is drawn, masks that nothing asks for, an empty scene.
     """
     if not len(scene):
         raise UsageError("the scene is empty: there is nothing to edit")
     settings, names = settings or EditSettings(), names or Names()
-    asks = strategy is None or asks_editor(strategy)
-    drawn = not asks or (editor is not None and not editor.capabilities.paints_styles)
+    drawn = editor is not None and not editor.capabilities.paints_styles
     saved = tuple(names.saved)
     steps = read_steps(sentence, saved, drawn=drawn, accept_unread=accept_unread)
     method = None

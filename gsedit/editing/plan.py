@@ -111,7 +111,7 @@ def _joins(run: Sequence[Change], change: Change) -> bool:
     return change.name in ways - names and key_of(change) == made and not placed
 
 
-LEVEL = ("leaves", "puddles")
+LEVEL = ("leaves",)
 """Growths that lie on what is level only: their ground is all but the subject, stones too."""
 
 

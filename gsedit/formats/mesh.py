@@ -160,11 +160,9 @@ def open_source(path: Path, options: ReadOptions) -> SceneSource:
     )
 
 
-def neighbor_distance(
-    points: Float[np.ndarray, "n 3"], neighbors: int = 3
-) -> Float[np.ndarray, " n"]:
-    """Root mean squared distance to the nearest few other points."""
-    near = min(neighbors + 1, len(points))
+def neighbor_distance(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
+    """Root mean squared distance to the three nearest other points."""
+    near = min(4, len(points))
     if near < 2:
         return np.ones(len(points))
     distance, _ = k_nearest(points, points, near)

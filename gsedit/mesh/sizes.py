@@ -20,9 +20,9 @@ from gsedit.scene.planes import Plane
 from gsedit.scene.table import table_of
 from gsedit.toolkit.align import find_ground
 from gsedit.views.dataset import evenly_spaced
+from gsedit.views.depth import depth_at
 from gsedit.views.depth import point_at as surface_at
 from rasterizer.camera import Camera
-from rasterizer.render import render
 from rasterizer.scene import Gaussians
 
 WITHIN = 1.96
@@ -185,14 +185,6 @@ def _looks_alike(other: Camera, camera: Camera, position: torch.Tensor) -> bool:
     return cos(radians(OBLIQUE)) < cosine < 1 - 1e-9
 
 
-def _depth(scene: Gaussians, camera: Camera, x: float, y: float) -> float:
-    """Median depth at a pixel; 0 where nothing is."""
-    box = (min(int(x), camera.width - 1), min(int(y), camera.height - 1), 1, 1)
-    drawn = render(scene, camera, crop=box, median_depth=True).median_depth
-    assert drawn is not None  # it was asked for
-    return float(drawn)
-
-
 def _disagreement(scene: Gaussians, camera: Camera, position: torch.Tensor) -> float | None:
     """Depth at which another view has a point, less the point's own; None where it does not see
     it."""
@@ -200,5 +192,5 @@ def _disagreement(scene: Gaussians, camera: Camera, position: torch.Tensor) -> f
     x, y, z = float(xy[0, 0]), float(xy[0, 1]), float(depth[0])
     if z <= 0 or not (0 <= x < camera.width and 0 <= y < camera.height):
         return None
-    seen = _depth(scene, camera, x, y)
+    seen = depth_at(scene, camera, x, y)
     return seen - z if seen > 0 and abs(seen - z) <= SAME * z else None

@@ -71,9 +71,8 @@ class Action(Protocol):
 class Strategy(Protocol):
     """An order in which views are edited and the scene is fitted to them.
 
-    It may have `check`, which raises UsageError or InputError before any work for what it lacks,
-    and class attributes: `asks_editor`, False where it needs no 2D editor, and `fits_pictures`,
-    False where it renders the optimizer's scene itself.
+    It may have a class attribute `fits_pictures`, False where it renders the optimizer's scene
+    itself.
     """
 
     def schedule(self, session: Session) -> Iterator[Action]:

@@ -26,7 +26,7 @@ from gsedit.paper.diffusion.precision import has_bfloat16
 from gsedit.paper.edit_views import batch_of, find_ground_truth
 from gsedit.paper.evaluate import Drawing, evaluate_edit
 from gsedit.paper.protocol import Cost
-from gsedit.paper.request import Request, asks_editor, fits_pictures, request_record, uses_all_views
+from gsedit.paper.request import Request, fits_pictures, request_record, uses_all_views
 from gsedit.paper.session import Session, UneditedRenders, Work, edit_camera, start_progress
 from gsedit.paper.skips import (
     DISABLED,
@@ -203,8 +203,7 @@ def estimate_edit(session: Session) -> Estimate | None:
     """
     request = session.request
     measure = request.editor.capabilities.measure
-    is_plain = asks_editor(request.strategy) and fits_pictures(request.strategy)
-    if measure is None or not is_plain:
+    if measure is None or not fits_pictures(request.strategy):
         return None
     plan = session.plan
     cost = measure(batch_of(session, plan.batches[0]), request.settings.sampler)

@@ -101,8 +101,8 @@ class Capabilities:
     defaults: SamplerDefaults = field(default_factory=SamplerDefaults)
     """Defaults for the sampler's settings that are None."""
     denoiser: Denoiser | None = None
-    """The diffusion model, for strategies that use it directly (score distillation); None where
-    there is none. A denoiser's own record leaves it None: the editor around it fills it in."""
+    """The diffusion model, which tells that pictures are sampled from noise; None where there is
+    none. A denoiser's own record leaves it None: the editor around it fills it in."""
     runs_network: bool = False
     """Whether this denoiser evaluates a network: its cost is measured, and it may be rounded."""
     best_size: int | None = None

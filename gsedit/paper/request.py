@@ -28,19 +28,11 @@ from rasterizer.scene import Gaussians
 
 
 def check_strategy(strategy: Any) -> None:
-    """Raise UsageError or InputError for what is no strategy, or lacks weights, say."""
+    """Raise UsageError for what is no strategy."""
     if isinstance(strategy, type) or not is_dataclass(strategy):
         raise UsageError(
             f"{strategy!r} is no strategy: give an instance of a dataclass, as in SinglePass()"
         )
-    check = getattr(strategy, "check", None)
-    if check is not None:
-        check()
-
-
-def asks_editor(strategy: Any) -> bool:
-    """Whether a 2D editor must be able to follow the instruction."""
-    return getattr(strategy, "asks_editor", True)
 
 
 def fits_pictures(strategy: Any) -> bool:
@@ -76,8 +68,7 @@ class Method:
     def check(self, prompt: str) -> None:
         """Raise UsageError for a strategy that is none, or a sentence it cannot follow."""
         check_strategy(self.strategy)
-        if asks_editor(self.strategy):
-            self.editor.check(prompt)
+        self.editor.check(prompt)
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,7 @@ from gsedit.measures.metrics import EvaluationInput
 from gsedit.scene.picture import render_picture
 from gsedit.views.dataset import View, evenly_spaced
 
-MARGIN, CAPTION = 6, 20
+MARGIN, CAPTION = 4, 20
 """Pixels between pictures, and below each."""
 PAPER, INK = (250, 250, 248), (40, 40, 40)
 
@@ -39,7 +39,6 @@ def captioned(cells: Sequence[tuple[str, Image.Image]], columns: int) -> Image.I
 
 COLUMNS = 8  # more views than this on one sheet are too small to judge
 CELL_PIXELS = (128, 320)  # smaller pictures are enlarged to the first, larger reduced to the second
-MARGIN = 4  # pixels between cells
 GAP = 16  # pixels before the columns that stand apart
 LABEL = 22  # pixels above a row
 

@@ -19,6 +19,8 @@ EXTRAS = {
     "pyvista": "points",
 }
 """The extra of gsedit that brings a package."""
+SYSTEM = {"open3d": "libusb-1.0-0 libegl1 libgl1 libx11-6 libudev1 libidn2-0"}
+"""Packages of Debian that a package loads."""
 
 
 def environment() -> dict[str, Any]:
@@ -51,6 +53,8 @@ def load_extra(name: str, what: str, instead: str = "") -> Any:
     """
     package = name.partition(".")[0]
     move = f"pip install 'gsedit[{EXTRAS[package]}]'"
+    if package in SYSTEM:
+        move += f", and on Debian apt-get install -y {SYSTEM[package]}"
     return load_package(name, f"{what} needs {package}", f"{move}{instead and ', or '}{instead}")
 
 

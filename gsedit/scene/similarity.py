@@ -123,9 +123,6 @@ def moved_camera(camera: Camera, similarity: Similarity) -> Camera:
     cx = camera.cx
     if similarity.mirrors:
         rotation, cx = rotation * [[-1.0], [1.0], [1.0]], camera.width - camera.cx
-    import torch
+    from rasterizer.camera import pose_of  # which loads torch
 
-    pose = torch.eye(4, dtype=torch.float64)
-    pose[:3, :3] = torch.from_numpy(rotation)
-    pose[:3, 3] = torch.from_numpy(-rotation @ center)
-    return replace(camera, world_to_camera=pose, cx=cx)
+    return replace(camera, world_to_camera=pose_of(rotation, center), cx=cx)

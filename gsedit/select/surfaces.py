@@ -26,8 +26,8 @@ from gsedit.views.dataset import evenly_spaced
 from gsedit.views.normals import estimate_normals
 from gsedit.views.place import Place, place_of
 from rasterizer.camera import Camera
-from rasterizer.color_weights import color_weights
 from rasterizer.numerics import sh_to_color
+from rasterizer.render import contributions
 from rasterizer.scene import Gaussians, concatenate
 
 VIEWS = 8
@@ -222,8 +222,7 @@ def look(scene: Gaussians, cameras: Sequence[Camera] = ()) -> Surfaces:
     chosen = [some[i].fitted(VIEW_PIXELS) for i in evenly_spaced(len(some), VIEWS)]
     seen = torch.zeros(len(scene))
     for camera in chosen:
-        ones = torch.ones(camera.height, camera.width, 3)
-        seen += color_weights(scene, camera).back(ones)[:, 0]
+        seen += contributions(scene, camera)
     place = place_of(scene, some, seen)
     merged = _grouped(scene, place)
     if merged is not None:

@@ -23,15 +23,13 @@ from gsedit.measures import formulas as metrics
 from gsedit.measures.decibels import psnr_from_rmse
 from gsedit.scene.picture import render_picture
 from gsedit.toolkit.decimate import SIZE, VIEWS
+from gsedit.toolkit.scene_summary import Quantiles, quantiles_of
 from gsedit.views.around import find_viewpoints
 from gsedit.views.viewpoints import Viewpoint
 from rasterizer.numerics import DEFAULT, Numerics, sh_to_color
 from rasterizer.scene import Gaussians
 
 QUANTILES = (0.01, 0.5, 0.99)
-Quantiles = tuple[float, float, float]
-"""Three values of a distribution, at QUANTILES."""
-
 SAMPLE = 400_000
 """Gaussians of each scene whose partners are looked for; of more, evenly spaced ones."""
 FLIPPED = 0.1
@@ -63,6 +61,7 @@ class Attribute:
 
     name: str
     before: Quantiles
+    """Its values in the first scene, at QUANTILES."""
     after: Quantiles
 
 
@@ -160,7 +159,7 @@ def diff(
         (len(a), len(b)),
         (a.degree, b.degree),
         tuple(
-            Attribute(name, quantiles_of(of(a)), quantiles_of(of(b)))
+            Attribute(name, *(_quantiles(of(scene)) for scene in (a, b)))
             for name, of in PROPERTIES.items()
         ),
         match(a, b),
@@ -169,15 +168,6 @@ def diff(
         sum(view.ssim for view in views) / len(views),
         frame_hints(a, b),
     )  # fmt: skip
-
-
-def quantiles_of(values: Float[Tensor, " n"]) -> Quantiles:
-    """The values at QUANTILES, nearest rank; 0 of none."""
-    if not len(values):
-        return (0.0, 0.0, 0.0)
-    ordered = values.double().sort().values
-    low, middle, high = (float(ordered[round(q * (len(ordered) - 1))]) for q in QUANTILES)
-    return low, middle, high
 
 
 def match(a: Gaussians, b: Gaussians, most: int = SAMPLE) -> Matches:
@@ -199,7 +189,7 @@ def frame_hints(a: Gaussians, b: Gaussians) -> tuple[str, ...]:
     """Sentences on scenes that seem to be in different frames, from the quantiles of the centers;
     none for scenes in one frame."""
     boxes = [
-        torch.tensor([quantiles_of(axis) for axis in scene.means.T], dtype=torch.float64)
+        torch.tensor([_quantiles(axis) for axis in scene.means.T], dtype=torch.float64)
         for scene in (a, b)
     ]
     extents = [(box[:, 2] - box[:, 0]).norm().clamp_min(1e-12) for box in boxes]
@@ -233,6 +223,11 @@ def frame_hints(a: Gaussians, b: Gaussians) -> tuple[str, ...]:
 def _flipped(box: Float[Tensor, "3 3"], signs: Sequence[int]) -> Float[Tensor, "3 3"]:
     """The quantiles of axes (rows) after some were negated."""
     return torch.stack([axis if sign > 0 else -axis.flip(0) for axis, sign in zip(box, signs)])
+
+
+def _quantiles(values: Float[Tensor, " n"]) -> Quantiles:
+    """The values at QUANTILES; 0 of none."""
+    return quantiles_of(values.detach().numpy().copy(), QUANTILES)
 
 
 def _color(scene: Gaussians) -> Float[Tensor, "n 3"]:

@@ -10,7 +10,7 @@ import numpy as np
 from gsedit.errors import InputError
 from gsedit.formats.streams import SceneSource
 from gsedit.formats.validity import Guard
-from gsedit.scene.shapes import Float32
+from gsedit.scene.shapes import Float
 from gsedit.scene.table import SplatTable
 from rasterizer.numerics import sh_to_color
 
@@ -21,7 +21,7 @@ Four million give the rank of a quantile to 0.02 %; least and greatest values ar
 COLUMNS = ("x", "y", "z", "opacity", "scale", "elongation", "red", "green", "blue")
 
 Quantiles = tuple[float, ...]
-"""Values of a distribution, at QUANTILES."""
+"""Values of a distribution, at some shares of its order."""
 
 
 @dataclass(frozen=True)
@@ -127,8 +127,10 @@ def summarise(source: SceneSource) -> tuple[SceneSummary, Sample]:
     return summary, sample
 
 
-def quantiles_of(values: Float32[np.ndarray, " n"], shares: Quantiles) -> Quantiles:
-    """The values at some shares of the order, nearest rank. `values` is reordered."""
+def quantiles_of(values: Float[np.ndarray, " n"], shares: Quantiles) -> Quantiles:
+    """The values at some shares of the order, nearest rank; 0 of none. `values` is reordered."""
+    if not len(values):
+        return (0.0,) * len(shares)
     ranks = [round(share * (len(values) - 1)) for share in shares]
     values.partition(sorted(set(ranks)))
     return tuple(float(values[rank]) for rank in ranks)

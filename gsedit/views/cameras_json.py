@@ -23,7 +23,7 @@ from gsedit.run.inputs import beside, safe_name
 from gsedit.run.json_files import list_of, number, numbers, object_of, read_json, text
 from gsedit.views.dataset import View
 from gsedit.views.viewpoints import Viewpoint, same_size, that_see, thinned, viewpoints_near
-from rasterizer.camera import Camera
+from rasterizer.camera import Camera, pose_of
 from rasterizer.scene import Gaussians
 
 NAME = "cameras.json"
@@ -159,10 +159,6 @@ def _viewpoint(entry: dict[str, Any], where: str) -> Viewpoint:
     fx, fy, width, height = (entry[key] for key in ("fx", "fy", "width", "height"))
     width, height = int(width), int(height)
     check_lens((fx, fy), (width / 2, height / 2), (width, height), where)
-    pose = torch.eye(4, dtype=torch.float64)
-    pose[:3, :3] = rotation.T
-    pose[:3, 3] = -rotation.T @ position
-    return Viewpoint(
-        safe_name(entry["img_name"], where),
-        Camera(pose, fx, fy, width / 2, height / 2, width, height),
-    )
+    pose = pose_of(rotation.T, position)
+    camera = Camera(pose, fx, fy, width / 2, height / 2, width, height)
+    return Viewpoint(safe_name(entry["img_name"], where), camera)

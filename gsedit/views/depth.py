@@ -123,10 +123,15 @@ def point_at(scene: Gaussians, camera: Camera, x: float, y: float) -> Float[Tens
         raise UsageError(
             f"pixel {x:g},{y:g} is outside of the picture, {camera.width} x {camera.height} pixels"
         )
-    box = (int(x), int(y), 1, 1)
-    depth = render(scene, camera, crop=box, median_depth=True).median_depth
-    assert depth is not None
-    if float(depth[0, 0]) <= 0:
+    depth = depth_at(scene, camera, x, y)
+    if depth <= 0:
         raise UsageError(f"nothing is seen at pixel {x:g},{y:g}: choose one on an object")
-    place = torch.tensor((x, y), dtype=torch.float64)
-    return camera.unproject(place, depth[0, 0].double())
+    place, far = (torch.tensor(each, dtype=torch.float64) for each in ((x, y), depth))
+    return camera.unproject(place, far)
+
+
+def depth_at(scene: Gaussians, camera: Camera, x: float, y: float) -> float:
+    """Median depth at a pixel of the picture; 0 where nothing is."""
+    depth = render(scene, camera, crop=(int(x), int(y), 1, 1), median_depth=True).median_depth
+    assert depth is not None  # it was asked for
+    return float(depth)

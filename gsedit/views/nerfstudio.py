@@ -32,6 +32,7 @@ from gsedit.views.photos import (
     reduction,
 )
 from gsedit.views.undistort import ColmapLens, Lens
+from rasterizer.camera import pose_of
 
 _PERSPECTIVE = ("OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "PERSPECTIVE")
 _FISHEYE = ("OPENCV_FISHEYE", "FISHEYE")
@@ -114,10 +115,7 @@ def world_to_camera(matrix: Float64[np.ndarray, "4 4"], where: str) -> Float[Ten
             "correct it or remove the frame"
         )
     rotation = pose[:3, :3] * torch.tensor([1.0, -1.0, -1.0], dtype=torch.float64)
-    inverse = torch.eye(4, dtype=torch.float64)
-    inverse[:3, :3] = rotation.T
-    inverse[:3, 3] = -rotation.T @ pose[:3, 3]
-    return inverse
+    return pose_of(rotation.T, pose[:3, 3])
 
 
 def _lens(values: dict[str, Any], file: Path, reduced: int, where: str) -> Lens:

@@ -20,7 +20,7 @@ from gsedit.scene.framing import Bounds
 from gsedit.views import PathKind
 from gsedit.views.dataset import evenly_spaced
 from gsedit.views.orbit import perpendicular, towards, unit_up
-from rasterizer.camera import Camera, look_at
+from rasterizer.camera import Camera, look_at, pose_of
 
 ARC = 60.0
 """Degrees between the ends of an orbit."""
@@ -184,9 +184,7 @@ def spline(cameras: Sequence[Camera], frames: int) -> tuple[Camera, ...]:
     focal = np.interp(at, when, [c.fx * lens.width / c.width for c in kept])
     path = []
     for center, rotation, fx in zip(centers, rotations, focal.tolist()):
-        pose = torch.eye(4, dtype=torch.float64)
-        pose[:3, :3] = torch.from_numpy(rotation)
-        pose[:3, 3] = torch.from_numpy(-rotation @ center)
+        pose = pose_of(rotation, center)
         path.append(replace(lens, world_to_camera=pose, fx=fx, fy=fx * lens.fy / lens.fx))
     return tuple(path)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import torch
 from jaxtyping import Float, Int
@@ -14,8 +14,6 @@ from rasterizer.blending.backend import (
     GEOMETRY,
     Blended,
     BlendInputs,
-    median_depths,
-    median_rows,
     refuse_second_derivatives,
 )
 from rasterizer.blending.choose import choose_backend
@@ -29,16 +27,6 @@ from rasterizer.splat import composite
 
 BY_PAIR = replace(BACKEND, backward=pair_gradients)
 """The blending, whose gradients the front end adds up itself."""
-
-
-class Drawn(NamedTuple):
-    """Blended rectangle of pixels, over black."""
-
-    features: Float[Tensor, "h w d"]
-    """Color, then depth where it was asked for."""
-    transmittance: Float[Tensor, "h w"]
-    median_depth: Float[Tensor, "h w"] | None
-    median_row: Int[Tensor, "h w"] | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,8 +71,10 @@ def draw(
     *,
     depth: bool = False,
     median: bool = False,
-) -> Drawn | None:
-    """Draw a box of a camera's pixels; differentiable in the scene.
+) -> tuple[Blended, Float[Tensor, " m"] | None, Int[Tensor, " m"]] | None:
+    """Draw a box of a camera's pixels, color and then depth where it is asked for; differentiable
+    in the scene. Also the depths, for a median, and the rows in the scene of what median indices
+    name.
 
     None where the Python files have to do it: without a compiler or for options that the kernel
     does not have, for a pose that takes gradients, and where a number is not finite, which they
@@ -95,10 +85,7 @@ def draw(
     if found is None:
         return None
     blended = found.blended(found.table, found.pairs, median=median)
-    depths_of, index, middle, rows = found.listed.depths, blended.median_index, None, None
-    if depths_of is not None and index is not None:
-        middle, rows = median_depths(depths_of, index), median_rows(found.listed.rows, index)
-    return Drawn(blended.features, blended.transmittance, middle, rows)
+    return blended, found.listed.depths, found.listed.rows
 
 
 def prepare(scene: Gaussians, request: kernel.Request) -> Prepared | None:

@@ -6,9 +6,8 @@ import pytest
 import torch
 from playroom import playroom
 
-from gsedit.app.looking import best_of, focus_of, framed, marks
+from gsedit.app.looking import best_of, framed, marks
 from gsedit.app.tab import eye_of
-from gsedit.bench.synthetic import demo_scene, ring_cameras
 from gsedit.select.click import Selector
 from rasterizer.camera import look_at
 
@@ -18,14 +17,6 @@ UP = torch.tensor([0.0, 0.0, 1.0], dtype=torch.float64)
 def at(place, target=(0.0, 0.0, 0.0)):
     eye, middle = (torch.tensor(each, dtype=torch.float64) for each in (place, target))
     return look_at(eye, middle, UP, 50.0, 64, 48)
-
-
-def test_the_focus_is_where_all_axes_meet():
-    cameras = [at((4.0, 0.0, 1.0), (1.0, 2.0, 0.5)), at((0.0, 5.0, 2.0), (1.0, 2.0, 0.5))]
-    assert focus_of(cameras).tolist() == pytest.approx([1.0, 2.0, 0.5], abs=1e-5)
-    assert focus_of(ring_cameras(demo_scene(), 6, 48)) is not None
-    assert focus_of(cameras[:1]) is None
-    assert focus_of([at((float(i), 0.0, 5.0), (float(i), 1.0, 5.0)) for i in range(3)]) is None
 
 
 def test_the_best_view_is_no_close_one_none_from_below_and_none_that_looks_aside():

@@ -43,11 +43,11 @@ def test_painted_pixels_are_those_of_the_published_file():
 
 
 def test_the_style_of_a_picture_is_that_of_the_published_file():
-    networks = load_picture_styles()
-    vector = networks.predictor(waves(SIDE, SIDE).movedim(-1, 0)[None])[0]
+    network, predictor = load_picture_styles()
+    vector = predictor(waves(SIDE, SIDE).movedim(-1, 0)[None])[0]
     close(vector[::33], torch.tensor([0.89612, 0.03082, -0.15379, -1.37732]))
-    style = networks.predictor.affine(vector)
-    found = painted(networks.network, style, waves(384, 384))
+    style = predictor.affine(vector)
+    found = painted(network, style, waves(384, 384))
     expected = torch.tensor([[0.92367, 0.06428, 0.63098], [0.28648, 0.97464, 0.86996]])
     close(found[(20, 200), (30, 301)], expected)
 
@@ -69,7 +69,7 @@ def test_pictures_of_any_size_and_of_one_color(size, fill):
     painter = load_painter()
     for network, style in (
         (painter.network, painter.styles[8]),
-        (load_picture_styles().network, style_of(picture)),
+        (load_picture_styles()[0], style_of(picture)),
     ):
         found = painted(network, style, picture)
         assert found.shape == picture.shape

@@ -13,10 +13,11 @@ from gsedit import Checkpoint, Dataset, Event, FitSettings, fit, fit_steps
 from gsedit.bench.synthetic import ring_cameras
 from gsedit.capture.fitting.densify import densify, faded, without_floaters
 from gsedit.capture.fitting.fit import evaluate
-from gsedit.capture.fitting.initial import initial_scene, neighbor_distance
+from gsedit.capture.fitting.initial import initial_scene
 from gsedit.capture.fitting.optimizer import SceneOptimizer
 from gsedit.capture.fitting.settings import LEAST_STEPS
 from gsedit.errors import UsageError
+from gsedit.formats.mesh import neighbor_distance
 from rasterizer.project import rotation_matrices
 from rasterizer.scene import concatenate
 
@@ -93,7 +94,8 @@ def test_the_first_scene_is_the_sparse_points():
     assert data.points is not None
     assert torch.allclose(scene.means.double(), data.points.double(), atol=1e-6)
     assert scene.degree == 2
-    assert torch.allclose(scene.log_scales.exp()[:, 0], neighbor_distance(scene.means))
+    spacing = torch.from_numpy(neighbor_distance(scene.means.double().numpy())).float()
+    assert torch.allclose(scene.log_scales.exp()[:, 0], spacing)
     without = initial_scene(replace(data, points=None, point_colors=None), 0, generator())
     assert len(without) > 1000
 

@@ -9,18 +9,20 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from datetime import datetime, timezone
 from pathlib import Path
 from statistics import fmean as mean
 from typing import NamedTuple
 
 import torch
 
-from gsedit.bench.results import markdown_table
+from gsedit.bench.results import commit, machine, markdown_table
 from gsedit.capture.fitting.fit import FitResult, fit_steps
 from gsedit.capture.fitting.settings import QUALITIES, FitSettings
 from gsedit.errors import UsageError
 from gsedit.measures.formulas import nearness, perceptual, ssim
 from gsedit.run.events import Checkpoint, Event
+from gsedit.run.json_lines import Journal
 from gsedit.scene.picture import render_picture
 from gsedit.views.dataset import Dataset, View
 from gsedit.views.load import load_dataset
@@ -30,11 +32,31 @@ from research.figures import draw_errors
 from research.fit import captures
 from research.fit.clock import Clock, Moment
 from research.fit.gsplat_recipe import gsplat_fit
-from research.provenance import Provenance, provenance, write_measurements
 
 ROWS, TABLE, PLOT = "fit.jsonl", "fit.md", "fit.png"
 FILES = (ROWS, TABLE, PLOT)
 OURS, GSPLAT = "gsedit", "gsplat, its own steps"
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """Fields that every measurement has."""
+
+    threads: int
+    """Number of torch's threads."""
+    commit: str
+    machine: str
+    date: str
+    """Date and time, ISO 8601, UTC."""
+
+    def __str__(self) -> str:
+        return f"{self.date}, commit {self.commit}, {self.machine}, {self.threads} threads."
+
+
+def provenance() -> Provenance:
+    """Provenance of a measurement that is taken now."""
+    date = datetime.now(timezone.utc).isoformat(timespec="seconds")
+    return Provenance(torch.get_num_threads(), commit(), machine(), date)
 
 
 @dataclass(frozen=True)
@@ -176,7 +198,11 @@ def to_folder(
 ) -> Iterator[Event | FitMeasurement]:
     """All fits, written to a folder: ROWS meanwhile, then TABLE and PLOT."""
     rows: list[FitMeasurement] = []
-    yield from write_measurements(_all(settings, folder, read), folder / ROWS, rows)
+    journal = Journal(folder / ROWS, records=rows)  # an interruption loses no measurement
+    for item in _all(settings, folder, read):
+        if not isinstance(item, Event):
+            journal.write(item)
+        yield item
     (folder / TABLE).write_text(table(rows) + "\n", encoding="utf-8")
     panels: dict[str, dict[str, list[tuple[float, float]]]] = {}
     for row in rows:

@@ -180,4 +180,4 @@ def _grams(pictures: Float[Tensor, "v h w 3"]) -> list[Float[Tensor, "v _c _c"]]
 def _vector(pictures: Float[Tensor, "v h w 3"]) -> Float[Tensor, "100"]:
     """The style predictor's vector of pictures, in the mean."""
     square = F.interpolate(pictures.movedim(-1, 1), (SIDE, SIDE), mode="bilinear", antialias=True)
-    return load_picture_styles().predictor(square.clamp(0, 1)).mean(0)
+    return load_picture_styles()[1](square.clamp(0, 1)).mean(0)

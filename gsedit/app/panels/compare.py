@@ -56,9 +56,9 @@ def add_discard(page: Page, tab: Tab) -> None:
 
     def ask(again: bool) -> None:
         nonlocal sure
-        found, sure = page.undone(), again
-        discard.visible = bool(found.folders)
-        what = f"undone steps, {found.size / 1e6:,.0f} MB"
+        (folders, size), sure = page.undone(), again
+        discard.visible = bool(folders)
+        what = f"undone steps, {size / 1e6:,.0f} MB"
         discard.label = f"Press again: delete {what}" if sure else f"Delete {what}"
 
     discard.on_click(tab.safely(lambda _: page.discard_undone() if sure else ask(True)))

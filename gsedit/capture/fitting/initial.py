@@ -10,7 +10,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from gsedit.formats import mesh
+from gsedit.formats.mesh import neighbor_distance
 from gsedit.views.dataset import Dataset, View
 from rasterizer.camera import Camera
 from rasterizer.numerics import color_to_sh
@@ -65,7 +65,8 @@ def round_gaussians(
     """Round Gaussians, as wide as their three nearest neighbors are far: wide enough to close the
     surface at once, for holes are what a short fit never fills. RGB colors in [0, 1]."""
     count = len(points)
-    spacing = neighbor_distance(points).clamp_min(1e-7)
+    distance = neighbor_distance(points.double().numpy())
+    spacing = torch.from_numpy(distance).to(points.dtype).clamp_min(1e-7)
     sh = torch.zeros(count, (sh_degree + 1) ** 2, 3)
     sh[:, 0] = color_to_sh(colors)
     quats = torch.zeros(count, 4)
@@ -106,12 +107,6 @@ def _distance_to_focus(views: Sequence[View]) -> float:
     right = (across @ centers[:, :, None]).sum(0)
     focus = torch.linalg.lstsq(across.sum(0), right).solution[:, 0]
     return max(1e-6, float((focus - centers).norm(dim=-1).median()))
-
-
-def neighbor_distance(points: Float[Tensor, "n 3"], neighbors: int = 3) -> Float[Tensor, " n"]:
-    """Root mean squared distance to the nearest few other points."""
-    distance = mesh.neighbor_distance(points.double().numpy(), neighbors)
-    return torch.from_numpy(distance).to(points.dtype)
 
 
 def _random_points(

@@ -102,10 +102,6 @@ class UpdateSettings:
         that cannot be read."""
         return parse_loss(self.loss)
 
-    def terms_at(self, step: int) -> tuple[LossTerm, ...]:
-        """Terms that this step of a round is fitted by: all of them, in every step."""
-        return self.terms
-
     @property
     def is_quadratic(self) -> bool:
         """Whether the loss is the MSE alone: then colors solve linear equations."""

@@ -149,7 +149,7 @@ def survey(
     trust, sky = place.trust(surface.points), received(surface)
     colors = sh_to_color(scene.sh[:, 0]).numpy()
     seen = seen.double()
-    light, weights = estimate_present(surface, colors, (seen * trust).numpy(), sky)
+    light, weights = estimate_present(colors, (seen * trust).numpy(), sky)
     return Survey(place, surface, trust, sky, seen, light, weights)
 
 
@@ -165,7 +165,6 @@ def received(surface: Surface) -> Float[Tensor, "n c"]:
 
 
 def estimate_present(
-    surface: Surface,
     colors: Float[np.ndarray, "n 3"],
     seen: Float[np.ndarray, " n"],
     light_received: Float[Tensor, "n c"],

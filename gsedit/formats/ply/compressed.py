@@ -8,7 +8,6 @@ have no colors: 12 numbers); a Gaussian holds where it is between them. Format: 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import partial
 from math import isqrt
 from pathlib import Path
@@ -57,26 +56,20 @@ def is_compressed(header: PlyHeader) -> bool:
 def open_source(path: Path, options: ReadOptions) -> SceneSource:
     """Open a .compressed.ply. Raises InputError for one that is not whole."""
     header = read_ply_header(path)
-    layout = _layout(path, header)
-    scene = SceneHeader(isqrt(1 + layout.rest // 3) - 1, comments=header.comments)
+    count, rest = _counts(path, header)
+    scene = SceneHeader(isqrt(1 + rest // 3) - 1, comments=header.comments)
     known = {"chunk", "vertex", "sh"}
     others = [e.name for e in header.elements if e.name not in known]
     beside = [n for e in header.elements if e.name in known for n in e.names if not _expected(n)]
     notes = [f"elements left out: {', '.join(others)}"] * bool(others)
     notes += [f"columns left out: {', '.join(beside)}"] * bool(beside)
-    blocks = partial(_read, path, header, layout)
-    return SceneSource(path, ".compressed.ply", scene, layout.count, blocks, tuple(notes))
+    blocks = partial(_read, path, header, rest)
+    return SceneSource(path, ".compressed.ply", scene, count, blocks, tuple(notes))
 
 
-@dataclass(frozen=True)
-class _Layout:
-    count: int
-    rest: int
-    """SH coefficients beyond the DC term, of the three channels together."""
-
-
-def _layout(path: Path, header: PlyHeader) -> _Layout:
-    """The number of Gaussians and of SH columns; InputError where the elements do not fit."""
+def _counts(path: Path, header: PlyHeader) -> tuple[int, int]:
+    """The number of Gaussians, and of SH coefficients beyond the DC term in the three channels
+    together; InputError where the elements do not fit."""
     empty = PlyElement("", 0, ())
     chunk, vertex, sh = (header.element(name) or empty for name in ("chunk", "vertex", "sh"))
     missing = [c for c in _BOUNDS[:12] if c not in chunk.names]
@@ -99,7 +92,7 @@ def _layout(path: Path, header: PlyHeader) -> _Layout:
             f"{path}: its {sh.count} rows of {rest} f_rest columns are no SH of "
             f"{vertex.count} Gaussians: export it again"
         )
-    return _Layout(vertex.count, rest)
+    return vertex.count, rest
 
 
 def _expected(name: str) -> tuple[str, ...]:
@@ -111,9 +104,9 @@ def _expected(name: str) -> tuple[str, ...]:
     return ("uchar", "uint8") if name.startswith("f_rest_") else ()
 
 
-def _read(path: Path, header: PlyHeader, layout: _Layout) -> Blocks:
+def _read(path: Path, header: PlyHeader, sh_count: int) -> Blocks:
     bounds = _bounds(path, header)
-    rest = _sh_blocks(path, header, layout)
+    rest = _sh_blocks(path, header, sh_count)
     start = 0
     for rows in element_blocks(path, header, "vertex", AT_ONCE):
         own = bounds[start // CHUNK : -(-(start + len(rows)) // CHUNK)]
@@ -133,12 +126,12 @@ def _bounds(path: Path, header: PlyHeader) -> Float32[np.ndarray, "chunks 3 2 3"
     return bounds.reshape(-1, 3, 2, 3)
 
 
-def _sh_blocks(path: Path, header: PlyHeader, layout: _Layout) -> Iterator[np.ndarray]:
+def _sh_blocks(path: Path, header: PlyHeader, count: int) -> Iterator[np.ndarray]:
     """The SH bytes of the same rows as the blocks of vertices, channel-major."""
-    if layout.rest == 0:
+    if count == 0:
         while True:
             yield np.zeros((0, 0), np.uint8)
-    names = [f"f_rest_{i}" for i in range(layout.rest)]
+    names = [f"f_rest_{i}" for i in range(count)]
     for rows in element_blocks(path, header, "sh", AT_ONCE):
         yield np.stack([rows[name] for name in names], axis=1)
 

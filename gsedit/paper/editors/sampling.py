@@ -61,7 +61,7 @@ class DiffusionEditor:
 
     @property
     def capabilities(self) -> Capabilities:
-        """The denoiser's, the denoiser itself, and that views can be shared out."""
+        """The denoiser's, and the denoiser itself."""
         declared = self.denoiser.capabilities
         return replace(
             declared,
@@ -275,20 +275,14 @@ def _hooks(batch: EditBatch, settings: SamplerSettings) -> tuple[Hook | None, Ho
     agree = partial(batch.agreed, strength=settings.consensus_weight)
     if settings.noise == "independent":
         return agree, lambda noise: noise
-    labels, seed = batch.correspondences.labels, batch.seed
-    return agree, _SharedNoise(labels, torch.Generator().manual_seed(seed))
+    labels, common = batch.correspondences.labels, torch.Generator().manual_seed(batch.seed)
 
+    def shared(noise: Float[Tensor, "v c y x"]) -> Float[Tensor, "v c y x"]:
+        # views have these draws in common, and with them all batches of an edit
+        first = torch.randn(noise[:1].shape, generator=common, dtype=noise.dtype)
+        return share_noise(torch.cat((first, noise[1:])), labels)
 
-@dataclass(frozen=True, eq=False)
-class _SharedNoise:
-    """Noise that views have in common, and with them all batches of an edit: one set of draws."""
-
-    labels: Int[Tensor, "v y x"]
-    common: torch.Generator
-
-    def __call__(self, noise: Float[Tensor, "v c y x"]) -> Float[Tensor, "v c y x"]:
-        first = torch.randn(noise[:1].shape, generator=self.common, dtype=noise.dtype)
-        return share_noise(torch.cat((first, noise[1:])), self.labels)
+    return agree, shared
 
 
 def _check_shapes(batch: EditBatch) -> None:

@@ -13,24 +13,19 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from gsedit.errors import GseditError, UsageError
-from gsedit.run.environment import load_package
+from gsedit.run.environment import load_extra, load_package
 
 
 def import_open3d() -> Any:
     """The module open3d. Raises GseditError where it cannot be loaded."""
-    libraries = "libusb-1.0-0 libegl1 libgl1 libx11-6 libudev1 libidn2-0"
-    return load_package(
-        "open3d",
-        "open3d cannot be loaded",
-        f"pip install 'gsedit[mesh]', and on Debian apt-get install -y {libraries}",
-    )
+    return load_extra("open3d", "this")
 
 
 def import_pyvista() -> Any:
     """The module pyvista. Raises GseditError where it cannot be loaded."""
     if not has_screen():  # must be set before VTK is loaded: without it VTK wants an X server
         os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
-    return load_package("pyvista", "pyvista cannot be loaded", "pip install 'gsedit[points]'")
+    return load_extra("pyvista", "a picture of points")
 
 
 def import_viser() -> Any:

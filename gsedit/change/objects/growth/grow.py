@@ -34,7 +34,7 @@ from gsedit.views.orbit import perpendicular
 from gsedit.views.relief import Relief, relief_of, without_specks
 from gsedit.views.shadows import WIDE
 from rasterizer.camera import Camera
-from rasterizer.numerics import AUTO, Execution, color_to_sh, ruled, sh_to_color
+from rasterizer.numerics import color_to_sh, sh_to_color
 from rasterizer.project import rotation_matrices
 from rasterizer.render import backproject, render
 from rasterizer.scene import Gaussians, concatenate
@@ -429,14 +429,12 @@ SIDES = 0.3
 
 
 @torch.no_grad()
-@ruled
 def grow(
     scene: Gaussians,
     name: str,
     amount: float = 1.0,
     inside: Bool[Tensor, " n"] | None = None,
     cameras: Sequence[Camera] = (),
-    execution: Execution = AUTO,
     shown: Bool[Tensor, " n"] | None = None,
 ) -> Outcome:
     """The scene with snow, moss, dust, ice or leaves (GROWTHS) on the Gaussians inside.

@@ -37,7 +37,6 @@ from gsedit.views.surroundings import (
     light_at,
 )
 from rasterizer.camera import Camera
-from rasterizer.numerics import AUTO, Execution, ruled
 from rasterizer.scene import Gaussians
 
 LAYERS = 48
@@ -211,13 +210,11 @@ NEAR = 1.2
 
 
 @torch.no_grad()
-@ruled
 def insert(
     scene: Gaussians,
     other: Gaussians,
     at: Triple | RelativePlace | None = None,
     cameras: Sequence[Camera] = (),
-    execution: Execution = AUTO,
     *,
     height: float | int | None = None,
     turn: float | int = 0.0,

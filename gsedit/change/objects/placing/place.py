@@ -38,7 +38,6 @@ from gsedit.views.around import cameras_of
 from gsedit.views.normals import estimate_normals
 from gsedit.views.place import place_of
 from rasterizer.camera import Camera
-from rasterizer.numerics import AUTO, Execution, ruled
 from rasterizer.scene import Gaussians, concatenate
 
 CLIMB = 0.5
@@ -169,13 +168,11 @@ def _lean(stance: Stance, landing: Landing | None) -> Similarity:
 
 
 @torch.no_grad()
-@ruled
 def place(
     scene: Gaussians,
     inside: Bool[Tensor, " n"],
     placement: Placement,
     cameras: Sequence[Camera] = (),
-    execution: Execution = AUTO,
 ) -> Outcome:
     """The scene with the object inside at another place, of another size, turned, or twice.
 

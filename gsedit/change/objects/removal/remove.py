@@ -50,7 +50,7 @@ from gsedit.views.dataset import evenly_spaced
 from gsedit.views.normals import shortest_axes
 from gsedit.views.paths import up_of
 from rasterizer.camera import Camera
-from rasterizer.numerics import AUTO, SH_DC, Execution, ruled, sh_to_color
+from rasterizer.numerics import SH_DC, sh_to_color
 from rasterizer.project import rotation_matrices
 from rasterizer.scene import Gaussians, concatenate
 
@@ -357,12 +357,10 @@ MOST_GAPS = 3
 
 @cached_per_scene
 @torch.no_grad()
-@ruled
 def remove(
     scene: Gaussians,
     inside: Bool[Tensor, " n"],
     cameras: Sequence[Camera] = (),
-    execution: Execution = AUTO,
 ) -> Outcome:
     """Remove the Gaussians `inside` with what belongs to them, and fill what nobody saw.
 

@@ -158,7 +158,7 @@ def make_painter(
     made = load_painter()
     if like is not None:
         style = style_of(read_style_picture(like))
-        made = replace(made, network=load_picture_styles().network, styles=(style,), like=like.name)
+        made = replace(made, network=load_picture_styles()[0], styles=(style,), like=like.name)
     return replace(
         made, strength=1.0 if strength is None else strength, keep_colors=bool(keep_colors)
     )

@@ -250,13 +250,6 @@ def _margin(x: Float[Tensor, "v c h w"], stride: int) -> Float[Tensor, "v c i j"
     return F.pad(x, (0, 1, 0, 1) if stride == 2 else (1, 1, 1, 1))
 
 
-class PictureStyles(NamedTuple):
-    """Two networks: the one paints in the styles that the other finds in pictures."""
-
-    network: PaintNetwork
-    predictor: StylePredictor
-
-
 @torch.no_grad()
 def style_of(picture: Float[Tensor, "h w 3"]) -> tuple[Affine, ...]:
     """The style of a picture, sRGB in [0, 1], for the network of `load_picture_styles`.
@@ -264,7 +257,7 @@ def style_of(picture: Float[Tensor, "h w 3"]) -> tuple[Affine, ...]:
     It is the mean over squares that cover the picture: squeezed to one, its strokes would be too.
     Raises InputError for weights that are missing or damaged.
     """
-    predictor = load_picture_styles().predictor
+    _, predictor = load_picture_styles()
     return predictor.affine(predictor(_squares(picture)).mean(0))
 
 
@@ -295,14 +288,15 @@ def read_style_picture(path: Path) -> Float[Tensor, "h w 3"]:
 
 
 @lru_cache(maxsize=1)
-def load_picture_styles(path: Path = WEIGHTS) -> PictureStyles:
-    """The networks with the weights that come with gsedit, kept in memory.
+def load_picture_styles(path: Path = WEIGHTS) -> tuple[PaintNetwork, StylePredictor]:
+    """Two networks: the one paints in the styles that the other finds in pictures.
 
-    Raises InputError where the file is missing or damaged.
+    Their weights come with gsedit, and they are kept in memory. Raises InputError where the file is
+    missing or damaged.
     """
     with weights_of(path) as weights:
         with torch.device("meta"):
             network = PaintNetwork(5, contract=(8, 16, 32), expand=(16, 8), folded=True)
-            found = PictureStyles(network, StylePredictor())
-        hold(nn.ModuleDict({"paint": found.network, "predict": found.predictor}), weights)
-        return found
+            predictor = StylePredictor()
+        hold(nn.ModuleDict({"paint": network, "predict": predictor}), weights)
+        return network, predictor
