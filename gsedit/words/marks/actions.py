@@ -53,6 +53,11 @@ LED = re.compile(
 """A place that ends with the phrase of what it is a side of."""
 SIDE_OF_IT = re.compile(r".*\b(?:left|right|front|back|rear|top|side) of (.+)$", re.IGNORECASE)
 """A place that says on which side of something it is."""
+UNREAL = re.compile(
+    r"^(?:the |its |his |her |their |all |any )*(?:shadows?|reflections?|glare|haze|noise|grain|"
+    r"blur)\b"
+)
+"""Phrases of what is no object."""
 SAME = re.compile(
     r"^(?:it|the (?:first|other|original|existing|old|same)(?: one)?|its|itself|this one|that one)$"
 )
@@ -75,6 +80,8 @@ def number_of(amount: str) -> float | None:
 
 def action(asked: Asked, text: str, phrase: str) -> Change:
     """The change of an object that is asked for, of what a phrase names. Raises Refused."""
+    if asked.deed != "turn" and UNREAL.match(asked.of):
+        raise Refused("unreal")
     make = {"scale": _scale, "turn": _turn, "move": _move, "copy": _copy}.get(asked.deed)
     amount, place = make(asked, text, phrase) if make else (None, None)
     return Change("subject", "object", asked.deed, None, amount, "object", phrase, place)
@@ -120,7 +127,7 @@ def _turn(asked: Asked, text: str, phrase: str) -> tuple[float, None]:
     if part is not None:
         degrees = part * (3 if "three" in said else 1)
     elif number is not None:
-        degrees = number
+        degrees = number * 360 if number < 1 else number
     elif asked.degree == "little":
         degrees = 15.0
     else:

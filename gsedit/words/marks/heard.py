@@ -49,8 +49,8 @@ TOLD_OF = re.compile(
 )
 """A sentence that only tells of a request."""
 TAKEN = re.compile(
-    r"\b(?:not?|never|without|neither|nor|less|fewer|stop|end|off|out|over|undo|avoid|except|but|"
-    r"remove|reduce|un-?\w+|halve|thinner|any(?:thing)? (?:but|other|else))\b|n't\b",
+    r"\b(?:not?|never|without|neither|nor|less|fewer|stop|off|undo|avoid|except|un-?\w+|"
+    r"any(?:thing)? (?:but|other|else))\b|n't\b",
     re.IGNORECASE,
 )
 """Words that deny, or take away what no route takes away."""
