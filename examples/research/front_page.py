@@ -63,8 +63,8 @@ def _spent() -> float:
 def fit(capture: Path, out: Path) -> tuple[str, float, float]:
     """A fit that the edits begin with."""
     scene = out / capture.name / "scene.ply"
-    text, *spent = clocked("gsedit", "fit", capture, "-o", scene, "--quality", "draft", "-f")
-    return f"{re.findall(r'([0-9.]+) dB', text)[-1]} dB", *spent
+    text, seconds, cpu = clocked("gsedit", "fit", capture, "-o", scene, "--quality", "draft", "-f")
+    return f"{re.findall(r'([0-9.]+) dB', text)[-1]} dB", seconds, cpu
 
 
 def edit(name: str) -> Callable[[Path, Path], tuple[str, float, float]]:
@@ -75,13 +75,15 @@ def edit(name: str) -> Callable[[Path, Path], tuple[str, float, float]]:
         folder, record = out / capture.name / name, out / capture.name / f"{name}.json"
         said = sentence.format(CALLED.get(subject, subject))
         scene = out / capture.name / "scene.ply"
-        _, *spent = clocked("gsedit", "edit", scene, said, "--data", capture, "-o", folder, "-f")
+        _, seconds, cpu = clocked(
+            "gsedit", "edit", scene, said, "--data", capture, "-o", folder, "-f"
+        )
         masks = capture / "masks" / subject
         clocked("gsedit", "metrics", folder, "--subject-masks", masks, "-o", record, "-f")
         found = json.loads(record.read_text())["measured"][number][role]
         within = found["interval"]
         ends = f"{found['views']} views" if within is None else "{:.1f} to {:.1f}".format(*within)
-        return f"{found['value']:.1f} dB ({ends})", *spent
+        return f"{found['value']:.1f} dB ({ends})", seconds, cpu
 
     return measure
 

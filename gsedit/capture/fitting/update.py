@@ -32,8 +32,6 @@ from rasterizer.numerics import Numerics
 from rasterizer.project import Box
 from rasterizer.render import render
 
-SIMPLE = {"mse": losses.mse, "l1": losses.l1, "dssim": losses.dssim}
-
 
 def check_installed(settings: UpdateSettings) -> None:
     """Raise UsageError where the loss needs weights that are not there."""
@@ -62,12 +60,12 @@ def edit_loss(
 
 
 def _loss(name: str, features: FeatureExtractor) -> Callable[[Tensor, Tensor], Tensor]:
-    if name in SIMPLE:
-        return SIMPLE[name]
     if name == "gram":
         return lambda image, target: losses.gram_loss(
             *(features(t.reshape(-1, *t.shape[-3:]).movedim(-1, 1)) for t in (image, target))
         )
+    if name != "perceptual":
+        return getattr(losses, name)
     distance = perceptual_distance()
     if distance is None:
         raise UsageError(f"the loss perceptual needs weights that are not installed: {INSTALL}")
