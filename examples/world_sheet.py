@@ -197,7 +197,7 @@ def front_row(
     shown: Shown, scenes: Sequence[Gaussians | None], wanted: Sequence[str]
 ) -> list[Labelled]:
     """The scene before and after the wanted edits."""
-    chosen = [("as captured", scenes[0])]
+    chosen = [("before", scenes[0])]
     chosen += [(f'"{text}"', scenes[1 + INSTRUCTIONS.index(text)]) for text in wanted]
     return [(label, cell(scene, shown.camera, FRONT_PIXELS)) for label, scene in chosen]
 

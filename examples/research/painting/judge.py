@@ -154,8 +154,8 @@ def _said(test: Contrast, found: Effect | None) -> str:
     if found is None:
         return f"{what}: none"
     digits = 2 if abs(found.mean) >= 0.1 else 3
-    ends = [f"{end:+.{digits}f}" for end in found.interval or ()]
-    span = f" ({' to '.join(ends)})" if ends else ""
+    ends = " to ".join(f"{end:+.{digits}f}" for end in found.interval or ())
+    span = f" ({ends}{f'; tolerance {test.margin:g}' if test.margin else ''})" if ends else ""
     return f"{what}: {found.mean:+.{digits}f}{span}, {found.agree} of {found.cells} cells"
 
 
