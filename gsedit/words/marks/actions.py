@@ -68,7 +68,7 @@ def number_of(amount: str) -> float | None:
     words = [word for word in scanned(amount) if word.kind in ("number", "fraction", "factor")]
     if not words:
         return None
-    first = words[0].number
+    first = next((word for word in words if word.kind == "factor"), words[0]).number
     if len(words) > 1 and words[1].kind == "fraction":
         return first + words[1].number if " and " in amount else first * words[1].number
     if len(words) > 1 and first >= 20 and words[1].kind == "number" and words[1].number < 10:

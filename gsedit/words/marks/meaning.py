@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from gsedit.words.amounts import amount_of
-from gsedit.words.called import NUMBERED
+from gsedit.words.called import FILE_NOUN, NUMBERED
 from gsedit.words.direct import light_of
 from gsedit.words.instruction import MOST, Change
 from gsedit.words.lexicon import sets, things
@@ -39,7 +39,8 @@ def changes_of(said: Marked, files: Sequence[str] = ()) -> list[Change]:
     """Changes of what is marked in a sentence. Raises Refused for what nothing does."""
     found, last, left = list[Change](), "", list(files)
     for asked in said.asked:
-        if asked.deed == "insert" and left:
+        put = FILE_NOUN in asked.of.split() and asked.deed in ("move", "copy")
+        if left and (put or asked.deed == "insert"):
             change = inserted(left.pop(0), asked)
         else:
             change = _placed(_change(asked, said.text), asked, said.text, last)
@@ -99,7 +100,9 @@ def _change(asked: Asked, text: str) -> Change:
                 found = replace(found, amount=-share if "thin" in asked.after else share)
         case "light" | "weather" | "look":
             side = asked.side if asked.deed == "light" else ""
-            found = values.scenic(asked.deed, asked.name, side, asked.degree)
+            lit = f"{asked.name} light" if asked.deed == "light" else ""
+            name = lit if lit and lit in text else asked.name
+            found = values.scenic(asked.deed, name, side, asked.degree)
         case "remove" | "scale" | "turn" | "move" | "copy":
             return action(asked, text, IT)
         case "insert":
