@@ -12,8 +12,9 @@ from html import escape
 
 from gsedit.app.reading import Knob, Reading, turned
 from gsedit.app.tab import button
+from gsedit.change.materials.table import MATERIALS
 from gsedit.words.instruction import Change, Instruction, sentence_of
-from gsedit.words.lexicon import materials, names, styles
+from gsedit.words.lexicon import names, styles
 
 Reader = Callable[[str], Instruction]
 
@@ -111,11 +112,11 @@ def _parts(reading: Reading, index: int, read: Reader) -> list[str]:
 
 def _what(reading: Reading, index: int, part: str) -> str:
     change = reading.instruction.changes[index]
-    shown = _swatch(change.color or materials().get(change.name))
+    shown = _swatch(change.color or _color(change.name))
     alone = len(reading.instruction.changes) == 1 or change.name.lower() in reading.text.lower()
     known: Iterable[str] = ()
     if alone and change.kind in SAYS:
-        known = {"material": materials(), "light": names("light"), "look": styles()}[change.kind]
+        known = styles() if change.kind == "look" else names(change.kind)
     if change.name in known:
         options = {name: name for name in sorted(known)}
         return shown + _select(f"name {index}", change.kind, options, change.name)
@@ -145,6 +146,10 @@ def _select(action: str, label: str, options: dict[str, str], value: str) -> str
         for k, v in options.items()
     )
     return f'<select class="chip" data-do="{action}" aria-label="{escape(label)}">{each}</select>'
+
+
+def _color(name: str) -> str | None:
+    return MATERIALS[name].color if name in MATERIALS else None
 
 
 def _swatch(color: str | None) -> str:

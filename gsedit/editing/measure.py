@@ -15,7 +15,7 @@ from torch import Tensor
 from gsedit.editing.parts import Parts
 from gsedit.editing.plan import PICTURE, key_of
 from gsedit.measures.evaluation import evaluate
-from gsedit.measures.metrics import Evaluation, EvaluationInput, Means
+from gsedit.measures.metrics import METRICS, Evaluation, EvaluationInput, Means
 from gsedit.paper.evaluate import Drawing, EditMetrics, Evidence, HeldOutViews
 from gsedit.paper.settings import EditSettings
 from gsedit.pictures.contact_sheet import contact_sheet
@@ -85,8 +85,6 @@ class EditResult(Evidence):
 LEAST_RMSE = 0.005
 """RMSE to the unedited views below which the user is told that hardly anything changed: painting a
 subject of one pixel in a hundred makes six times as much."""
-MEASURED = ("rmse_to_unedited", "rmse_outside_region", "psnr_outside_region")
-"""Metrics of changes on the Gaussians: the others compare with pictures of a 2D editor."""
 HARDLY = "hardly anything changed: the scene has little that this acts on"
 
 
@@ -242,4 +240,6 @@ def means_of(
         finals={i: each.image for i, each in enumerate(after)},
         originals={i: each.image for i, each in enumerate(before)},
     )
-    return evaluate(given, only=MEASURED).measured
+    return evaluate(
+        given, only=[name for name, row in METRICS.items() if row.of_gaussians]
+    ).measured

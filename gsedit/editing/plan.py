@@ -28,7 +28,7 @@ COPY = "copy"
 PLACED = {"scale", "turn", "move"}
 """Changes that one placement can do together."""
 MADE = "the copy"
-"""Key of what the last copy made, as `gsedit.words.actions.MADE` names it."""
+"""Key of what the last copy made, as `gsedit.words.marks.meaning` names it."""
 
 
 def is_exact(instruction: Instruction) -> bool:

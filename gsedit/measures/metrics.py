@@ -284,6 +284,8 @@ class Metric(NamedTuple):
     function: Callable[..., float | None]
     """Takes (picture, expected picture, mask); of a pooled standard the RMSE over its pixels."""
     needs: Standard
+    of_gaussians: bool = False
+    """Whether changes on the Gaussians have it too: others need a 2D editor's pictures."""
 
 
 _ROWS = (
@@ -300,10 +302,12 @@ _ROWS = (
     Metric("ssim_to_unedited", "SSIM to the unedited scene", "neither", 4, ssim, UNEDITED),
     Metric("perceptual_to_unedited", "perceptual distance to the unedited", "neither", 4,
            perceptual, UNEDITED),
-    Metric("rmse_to_unedited", "RMSE to the unedited scene", "neither", 4, rmse, UNEDITED),
-    Metric("rmse_outside_region", "RMSE outside the region", "lower", 4, float, OUTSIDE_REGION),
+    Metric("rmse_to_unedited", "RMSE to the unedited scene", "neither", 4, rmse, UNEDITED,
+           of_gaussians=True),
+    Metric("rmse_outside_region", "RMSE outside the region", "lower", 4, float, OUTSIDE_REGION,
+           of_gaussians=True),
     Metric("psnr_outside_region", "PSNR outside the region, dB", "higher", 2, _decibels,
-           OUTSIDE_REGION),
+           OUTSIDE_REGION, of_gaussians=True),
     Metric("rmse_outside_masks", "RMSE outside the given masks", "lower", 4, float, OUTSIDE_MASKS),
     Metric("psnr_outside_masks", "PSNR outside the given masks, dB", "higher", 2, _decibels,
            OUTSIDE_MASKS),

@@ -211,7 +211,11 @@ def camera_path(
     if kind == "spline":
         return spline([cameras[i] for i in evenly_spaced(len(cameras), KEYS)], frames)
     circle = circle_of(cameras, up=up, elevation=elevation, fallback=fallback)
-    return turntable(circle, frames) if kind == "turntable" else swing(circle, frames, arc)
+    match kind:
+        case "turntable":
+            return turntable(circle, frames)
+        case "orbit":
+            return swing(circle, frames, arc)
 
 
 def _side(level: Float[Tensor, "v 3"], up: Float[Tensor, "3"]) -> Float[Tensor, "3"]:

@@ -47,9 +47,9 @@ def things(kind: str) -> dict[str, str]:
 
 def looks() -> dict[str, tuple[str, ...]]:
     """Names of all that a scene can look like, by kind: material, light, scenery, style."""
-    kinds = ("light", "scenery")
+    kinds = ("material", "light", "scenery")
     named = {kind: tuple(v for told, v, _ in rows_of(TABLE) if told == kind) for kind in kinds}
-    found = {"material": tuple(materials()), **named, "style": tuple(styles())}
+    found = {**named, "style": tuple(styles())}
     return {kind: tuple(dict.fromkeys(each)) for kind, each in found.items()}
 
 
@@ -96,7 +96,6 @@ def entries() -> dict[str, Entry]:
         table |= {phrase: Entry(told, value) for phrase in phrases if phrase not in table}
     for kind, value, phrases in sorted(rows_of(TABLE), key=lambda row: row[0] not in SETS):
         if kind == "material":
-            value = value.partition(" #")[0]
             phrases = [value, *phrases]
         told = "fill" if kind in SETS else "look" if kind == "scenery" else kind
         table.update({phrase: Entry(told, value or phrase) for phrase in phrases})
@@ -111,13 +110,6 @@ def sets() -> dict[str, frozenset[str]]:
         if kind in found:
             found[kind] |= set(phrases)
     return found
-
-
-@lru_cache(1)
-def materials() -> dict[str, str]:
-    """Base colors, "#rrggbb", by the names of materials."""
-    rows = [value.split(" #") for kind, value, _ in rows_of(TABLE) if kind == "material"]
-    return {name: f"#{color}" for name, color in rows}
 
 
 @lru_cache(1)

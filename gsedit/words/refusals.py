@@ -32,6 +32,8 @@ REASONS = {
     ),
     "everything": "this leaves no scene: say what should stay, as in 'keep only the bear', or go, "
     "as in 'remove the bear'",
+    "unreal": "a shadow or a reflection is no object: lighten it, as in 'lift the shadows', or "
+    "remove what throws it, as in 'remove the bear'",
     "undo": "nothing is overwritten, so there is nothing to undo: go on with the scene before the "
     "edit, which edit.json beside the edited one names ('scene')",
     "size": "objects are scaled by 0.1 to 10 times: say less, as in 'make it twice as big'",
@@ -44,9 +46,9 @@ REASONS = {
     "'paint it red'",
     "direction": "this does not say which way: say more or less, as in 'more contrast'",
     "amount": "this amount is out of range: give from -100 % to 500 %, of light to 200 %, as in "
-    "'by 20 %'",
-    "strength": "weather, seasons and styles have one strength: say them plain, as in "
-    "'make it rain'",
+    "'20 % brighter'",
+    "strength": "weather and seasons have one strength: say them plain, as in 'make it rain'; a "
+    "painting's is an option, as in --strength 0.5",
     "side": "fog, clouds and weather come from no side: leave the side out, as in 'add fog'",
     "kept": "this says what stays, and that cannot be told from what changes: name both, as in "
     "'paint the vase red, but not the table'",

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
 from gsedit.words.instruction import Change, Place
 from gsedit.words.marks import values
 from gsedit.words.marks.marked import Asked, Marked
 from gsedit.words.marks.meaning import changes_of
-from gsedit.words.refusals import Refused
+from gsedit.words.read import read_instruction
+from gsedit.words.refusals import REASONS, Refused
 
 
 def asked(deed: str, **given) -> Asked:
@@ -53,7 +56,7 @@ def test_an_amount_of_a_tone_is_a_signed_share(amount, after, sign, share):
         ("turn", "a quarter", "", -1, "", "", -0.25),
         ("turn", "", "", 0, "", "turn it around", 0.5),
         ("turn", "", "", 1, "", "to the left", 0.25),
-        ("turn", "30", "", 1, "", "", 1 / 12),
+        ("turn", "30", "", 1, "", "", 1 / 12), ("turn", "a third", "of", 1, "", "", 1 / 3),
     ],
 )  # fmt: skip
 def test_an_amount_of_an_object_is_a_share_of_its_size_or_of_a_circle(
@@ -180,3 +183,27 @@ def test_a_material_has_its_color_finish_and_trimming(name, of, color):
 def test_a_name_is_found_by_its_words(find, name, made):
     change = find(name)
     assert (change and (change.name, change.color)) == made
+
+
+def test_what_is_said_twice_is_done_once():
+    red = asked("paint", name="red", part="span", of="the vase")
+    assert [str(each) for each in meant(red, red)] == ["the vase painted red (#e50000)"]
+    darker = asked("tone", tone="brightness", sign=-1)
+    assert len(meant(darker, darker)) == 1
+    assert len(meant(asked("scale", sign=1), asked("scale", sign=1))) == 2
+
+
+def test_things_in_the_background_are_not_the_background():
+    (change,) = meant(asked("remove", part="background", of="the people in the background"))
+    assert (change.target, change.phrase) == ("subject", "the people in the background")
+
+
+def test_a_shadow_is_no_object():
+    with pytest.raises(Refused, match="unreal"):
+        meant(asked("remove", part="span", of="the shadow of the bear"))
+
+
+@pytest.mark.parametrize("why", REASONS.values())
+def test_what_a_refusal_offers_is_read(why):
+    for offered in re.findall(r"(?:as in |\()'([^']+ [^']+)'", why):
+        assert read_instruction(offered).known, offered

@@ -23,7 +23,7 @@ def test_each_name_of_a_sentence_has_a_painter_and_each_painter_a_name(
     names, painters, kind, frame
 ):
     assert set(names) == set(painters)
-    assert set(lexicon.materials()) <= set(MATERIALS)  # others are shades of these
+    assert lexicon.names("material") <= set(MATERIALS)  # others are shades of these
     for name in names:
         for change in read_instruction(frame.format(name)).changes:  # "wet" alone is no weather
             assert (change.kind, change.name) == (kind, name)

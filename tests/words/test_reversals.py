@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from gsedit.words.instruction import Change
-from gsedit.words.lexicon import TABLE, materials, rows_of, styles
+from gsedit.words.lexicon import TABLE, looks, rows_of, styles
 from gsedit.words.read import read_instruction
 
 NOUNS = sorted(
@@ -15,7 +15,7 @@ NOUNS = sorted(
     for each in phrases
     if " " not in each and len(each) > 2 and each != "foreground"
 )
-LOOKS = [*list(materials())[::20], *list(styles())[::9], "snow", "night", "sepia"]
+LOOKS = [*looks()["material"][::20], *list(styles())[::9], "snow", "night", "sepia"]
 PARTS = ("nose", "eyes", "ears", "hair", "handle", "lid", "wheels", "roof", "tail", "face")
 
 

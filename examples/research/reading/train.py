@@ -16,6 +16,7 @@ from random import Random
 import torch
 from safetensors.torch import load_file, save_file
 from torch import Tensor
+from torch.nn.attention import SDPBackend, sdpa_kernel
 from torch.nn.functional import cross_entropy
 
 from gsedit.words import lexicon
@@ -130,8 +131,8 @@ def train(
     rates = [RATE * share, FRESH_RATE * share]
     adam = torch.optim.AdamW(
         [{"params": groups[old], "lr": rate} for old, rate in zip((True, False), rates)],
-        weight_decay=DECAY,
-    )
+        weight_decay=DECAY, fused=True,
+    )  # fmt: skip
     passes = len(sentences) // (BATCH * POOL) + 1
     plan = torch.optim.lr_scheduler.OneCycleLR(
         adam, rates, total_steps=epochs * passes * POOL + 1, pct_start=0.1
@@ -142,11 +143,12 @@ def train(
             some = sorted((varied.one() for _ in range(BATCH * POOL)), key=lambda s: len(s.text))
             for at in range(0, len(some), BATCH):
                 ids, told = targets(some[at : at + BATCH], values)
-                with torch.autocast("cpu", torch.bfloat16):
-                    scores = network(ids, ids > 0)
-                loss = loss_of(scores, told)
-                adam.zero_grad()
-                loss.backward()
+                with sdpa_kernel(SDPBackend.MATH):  # flash's gradient is slow for few pieces
+                    with torch.autocast("cpu", torch.bfloat16):
+                        scores = network(ids, ids > 0)
+                    loss = loss_of(scores, told)
+                    adam.zero_grad()
+                    loss.backward()
                 torch.nn.utils.clip_grad_norm_(network.parameters(), CLIP)
                 adam.step()
                 plan.step()

@@ -62,7 +62,7 @@ class Varied:
         self.names["paint"] += list(colors.PLAIN) * 3
         self.names["look"] += known["style"]
         self.texts = {
-            k: said(k) for k in ("keep", "except", "remark", "lead", "correction", "deny")
+            k: said(k) for k in ("keep", "except", "remark", "lead", "tail", "correction", "deny")
         }
         self.plain = [_parsed(each) for each in said("plain")]
 
@@ -92,6 +92,8 @@ class Varied:
             now = self.remarked(now)
         if rng.random() < 0.06:
             now = now.edited((0, 0), rng.choice(self.texts["lead"]) + " ")
+        if rng.random() < 0.1:
+            now = replace(now, text=now.text.rstrip(".! ") + rng.choice(self.texts["tail"]))
         return self.slipped(now) if rng.random() < 0.12 else now
 
     def swapped(self, now: Labelled, chance: float) -> Labelled:

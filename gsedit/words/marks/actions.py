@@ -53,6 +53,11 @@ LED = re.compile(
 """A place that ends with the phrase of what it is a side of."""
 SIDE_OF_IT = re.compile(r".*\b(?:left|right|front|back|rear|top|side) of (.+)$", re.IGNORECASE)
 """A place that says on which side of something it is."""
+UNREAL = re.compile(
+    r"^(?:the |its |his |her |their |all |any )*(?:shadows?|reflections?|glare|haze|noise|grain|"
+    r"blur)\b"
+)
+"""Phrases of what is no object."""
 SAME = re.compile(
     r"^(?:it|the (?:first|other|original|existing|old|same)(?: one)?|its|itself|this one|that one)$"
 )
@@ -63,7 +68,7 @@ def number_of(amount: str) -> float | None:
     words = [word for word in scanned(amount) if word.kind in ("number", "fraction", "factor")]
     if not words:
         return None
-    first = words[0].number
+    first = next((word for word in words if word.kind == "factor"), words[0]).number
     if len(words) > 1 and words[1].kind == "fraction":
         return first + words[1].number if " and " in amount else first * words[1].number
     if len(words) > 1 and first >= 20 and words[1].kind == "number" and words[1].number < 10:
@@ -75,6 +80,8 @@ def number_of(amount: str) -> float | None:
 
 def action(asked: Asked, text: str, phrase: str) -> Change:
     """The change of an object that is asked for, of what a phrase names. Raises Refused."""
+    if asked.deed != "turn" and UNREAL.match(asked.of):
+        raise Refused("unreal")
     make = {"scale": _scale, "turn": _turn, "move": _move, "copy": _copy}.get(asked.deed)
     amount, place = make(asked, text, phrase) if make else (None, None)
     return Change("subject", "object", asked.deed, None, amount, "object", phrase, place)
@@ -120,7 +127,7 @@ def _turn(asked: Asked, text: str, phrase: str) -> tuple[float, None]:
     if part is not None:
         degrees = part * (3 if "three" in said else 1)
     elif number is not None:
-        degrees = number
+        degrees = number * 360 if number < 1 else number
     elif asked.degree == "little":
         degrees = 15.0
     else:

@@ -10,6 +10,7 @@ import re
 from collections.abc import Sequence
 from functools import lru_cache
 
+from gsedit.words.called import FILE_NOUN
 from gsedit.words.instruction import Change
 from gsedit.words.marks.marked import Asked, Marked, pieces, told
 from gsedit.words.marks.meaning import changes_of
@@ -49,8 +50,8 @@ TOLD_OF = re.compile(
 )
 """A sentence that only tells of a request."""
 TAKEN = re.compile(
-    r"\b(?:not?|never|without|neither|nor|less|fewer|stop|end|off|out|over|undo|avoid|except|but|"
-    r"remove|reduce|un-?\w+|halve|thinner|any(?:thing)? (?:but|other|else))\b|n't\b",
+    r"\b(?:not?|never|without|neither|nor|less|fewer|stop|off|undo|avoid|except|un-?\w+|"
+    r"any(?:thing)? (?:but|other|else))\b|n't\b",
     re.IGNORECASE,
 )
 """Words that deny, or take away what no route takes away."""
@@ -67,7 +68,7 @@ TURNED = re.compile(
     re.IGNORECASE,
 )
 """Words beside which a quality may be what there is too much of."""
-REFUSED = 0.5
+REFUSED = 0.6
 """Least probability that nothing can be done."""
 UNSURE = 0.7
 """Least probability of what is marked that is taken."""
@@ -109,11 +110,20 @@ def denied(said: Marked) -> bool:
     return DENIED.search(said.text) is not None and not (said.kept or INSTEAD.search(said.text))
 
 
-def unsure(said: Marked) -> bool:
-    """Whether what is marked, or that nothing more is, is not sure."""
-    least = min((each.sure for each in said.asked), default=0.0)
-    doubted = any(turned(each, said.text) for each in said.asked)
+def unsure(said: Marked, files: Sequence[str] = ()) -> bool:
+    """Whether what is marked, or that nothing more is, is not sure; that files are put in is."""
+    asked = (each for each in said.asked if not (files and FILE_NOUN in each.of.split()))
+    least = min((each.sure for each in asked), default=1.0)
+    doubted = any(turned(each, said.text) or crossed(each, said.text) for each in said.asked)
     return doubted or least < UNSURE or said.more > MORE or said.kept_more > KEPT_MORE
+
+
+def crossed(asked: Asked, text: str) -> bool:
+    """Whether the text denies the name of a change wherever it says it: "anything but green"."""
+    name = re.escape(asked.name.lower())
+    said = re.findall(rf"\b{name}\b", text.lower()) if name else []
+    out = r"(?:anything but|(?<!why )not|never|instead of|rather than)(?: (?:an?|in|the))?"
+    return bool(said) and len(re.findall(rf"\b{out} {name}\b", text.lower())) == len(said)
 
 
 def turned(asked: Asked, text: str) -> bool:
@@ -145,4 +155,4 @@ def heard(text: str, files: Sequence[str] = ()) -> tuple[tuple[Change, ...], boo
     changes = tuple(changes_of(said, files))
     if not said.kept and (stopped := stays_unheard(text, changes)):
         raise Refused("kept", stopped)
-    return changes, not unsure(said)
+    return changes, not unsure(said, files)

@@ -116,6 +116,8 @@ NEAREST = 3
 """Names that are told where no word is known."""
 ARTICLES = re.compile(r"^(?:(?:on|of|in|to|for|at|just|only) )+(?=\w)|^(?:an?|only|just) ")
 """Words that a phrase does not begin with."""
+ARTICLE = re.compile(r"^(?:the|an?|its?|their|his|her|my)$", re.IGNORECASE)
+"""A mark that names nothing."""
 OWNED = re.compile(r"^(?:the|my|our|your|his|her|its|their|this|that|these|those) ")
 PRONOUN = re.compile(
     r"^(?:it|him|her|them|this|that|these|those|itself|"
@@ -228,7 +230,7 @@ def told(cut: Pieces, scores: Mapping, values: tuple[str, ...]) -> Marked:
         spans += found
     kept, unsure = _kept(cut, chances["kept"], spans)
     spans += kept
-    phrases = tuple(phrase(cut.said(*each)) for each in kept)
+    phrases = tuple(phrase(cut.said(*each)) for each in kept if not ARTICLE.match(cut.said(*each)))
     letters = tuple((cut.words[a][0], cut.words[b][1]) for a, b in spans)
     refused = float(chances["refused"][1])
     asked, more = _counted(cut.text, asked, letters, more)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from gsedit.words.amounts import amount_of
-from gsedit.words.called import NUMBERED
+from gsedit.words.called import FILE_NOUN, NUMBERED
 from gsedit.words.direct import light_of
 from gsedit.words.instruction import MOST, Change
 from gsedit.words.lexicon import sets, things
@@ -25,6 +25,8 @@ PAINTED = re.compile(r"\b(?:paint|painted|dye|dyed|colou?r|coat of)\b", re.IGNOR
 """Words that make a paint of what is a material too: "paint it gold"."""
 MIXED = re.compile(r"\b(?:mix|mixed|mixture|blend|blended|cross)\b", re.IGNORECASE)
 """Words that make one look of two."""
+INSIDE = re.compile(r"\w (?:in|from) the (?:background|surroundings?|scenery)$")
+"""Phrases of things that are in the background, not of the background."""
 SUBJECT = re.compile(r"^(?:the )?(?:subject|main thing|main object)$")
 """Phrases of the subject."""
 SOLID = ("material", "paint", "growth", "object")
@@ -37,7 +39,8 @@ def changes_of(said: Marked, files: Sequence[str] = ()) -> list[Change]:
     """Changes of what is marked in a sentence. Raises Refused for what nothing does."""
     found, last, left = list[Change](), "", list(files)
     for asked in said.asked:
-        if asked.deed == "insert" and left:
+        put = FILE_NOUN in asked.of.split() and asked.deed in ("move", "copy")
+        if left and (put or asked.deed == "insert"):
             change = inserted(left.pop(0), asked)
         else:
             change = _placed(_change(asked, said.text), asked, said.text, last)
@@ -50,10 +53,23 @@ def changes_of(said: Marked, files: Sequence[str] = ()) -> list[Change]:
             last = change.phrase
         if change.name in ("copy", "insert"):
             last = "the copy" if change.name == "copy" else change.phrase
+    found = _once(found)
     _refuse_two(found)
     if any(change.name in (values.GLOW, "lava") for change in found):  # it glows in that light
         found.sort(key=lambda change: change.kind != "light")
     return _but([_checked(each) for each in found], said.kept)
+
+
+def _once(changes: Sequence[Change]) -> list[Change]:
+    """Changes without those that are said twice, actions apart; the one with a color stays."""
+    found = dict[object, Change]()
+    for at, change in enumerate(changes):
+        amount = change.amount if change.kind == "tone" else None
+        named = (change.kind, change.name, change.target, change.phrase, amount)
+        key = at if change.kind == "object" else named
+        kept = found.get(key)
+        found[key] = kept if kept and (kept.color or not change.color) else change
+    return list(found.values())
 
 
 def _refuse_two(changes: Sequence[Change]) -> None:
@@ -84,7 +100,9 @@ def _change(asked: Asked, text: str) -> Change:
                 found = replace(found, amount=-share if "thin" in asked.after else share)
         case "light" | "weather" | "look":
             side = asked.side if asked.deed == "light" else ""
-            found = values.scenic(asked.deed, asked.name, side, asked.degree)
+            lit = f"{asked.name} light" if asked.deed == "light" else ""
+            name = lit if lit and lit in text else asked.name
+            found = values.scenic(asked.deed, name, side, asked.degree)
         case "remove" | "scale" | "turn" | "move" | "copy":
             return action(asked, text, IT)
         case "insert":
@@ -148,6 +166,8 @@ def _placed(change: Change, asked: Asked, text: str, last: str) -> Change:
     if part == "span":
         part = "background" if BACKGROUND.match(of) else "scene" if WHOLE.match(of) else part
         part = "it" if PRONOUN.match(of) or not of else part
+    if part == "background" and INSIDE.search(of):
+        part = "span"
     solid, told = change.kind in SOLID, _told(of)
     if part == "span" and change.name == "brightness" and (lamp := values.lamp(of)):
         return replace(lamp, amount=change.amount)  # "make the moonlight brighter"

@@ -39,8 +39,8 @@ def _facts(kind: str) -> dict[str, str]:
     """Names of a kind by the phrases that tell it, whatever else they mean."""
     rows = (*lexicon.rows_of(lexicon.TABLE), *lexicon.rows_of(lexicon.ALIASES))
     return {
-        phrase: value.partition(" #")[0] for told, value, phrases in rows if told == kind
-        for phrase in (value.partition(" #")[0], *phrases)
+        phrase: value for told, value, phrases in rows if told == kind
+        for phrase in (value, *phrases)
     }  # fmt: skip
 
 
@@ -67,7 +67,7 @@ def _material(name: str) -> Change | None:
     words = [word for word in scanned(name) if word.kind != "mark"]
     solid = [
         at for at, word in enumerate(words)
-        if word.kind == "material" or word.value in lexicon.materials()
+        if word.kind == "material" or word.value in lexicon.names("material")
     ]  # fmt: skip
     if not solid:
         return None
