@@ -2,42 +2,14 @@
 
 from __future__ import annotations
 
-SHOWN = "gsedit render SCENE --region ..."
-ANY = "--editor pix2pix --model FOLDER"
-MOVES = {
-    "": "",
-    "select": ": mark it with --region, and say 'it'",
-    "select-change": f": name what should change with --region, and look at it with {SHOWN}",
-    "select-object": f": name the object with --region, and look at it with {SHOWN}",
-    "select-less": ": mark the object with a smaller --region; gsedit transform turns, moves and "
-    "scales a whole scene",
-    "select-part": ": mark it with --region and say what changes there, or name the subject, the "
-    "background or the whole scene",
-    "select-kind": ", or say --phrase 'the {kind}'",
-    "look": f": look at what is selected with {SHOWN}",
-    "look-region": f": look at it with {SHOWN}",
-    "objects": "; see them with gsedit select SCENE --objects",
-    "objects-masks": "; see them with gsedit select SCENE --objects, or bring a network by --masks",
-    "point": ": point at it with --at VIEW:X,Y and say 'remove it', or save it by a name with "
-    "gsedit select ... --as NAME, and say that",
-    "any-sentence": f"; for any sentence: {ANY}",
-    "unread": " Add --accept-unread, or say it in other words",
-    "styles": f" (gsedit list styles), and --like takes a picture's. For any sentence: {ANY}",
-    "like": ": add --like PICTURE",
-    "unlike": ": leave --like out, or say 'in the style of this picture'",
-    "undrawn": ": leave out the options of what a 2D editor draws, or name one that draws it all, "
-    f"as in {ANY}",
-    "focal": ": name it with --focal (a phone's main camera: 26), or use the camera's own files "
-    "with EXIF",
-    "memory": ": try a smaller --size, or close other programs",
-    "memory-again": ": try a smaller --size, and run the command again to go on",
-    "begin-again": ": go on with that version, or leave --resume out and add -f to start again",
-    "repeat": ". Repeat that command with --resume, or leave --resume out and add -f to start "
-    "again",
-    "report": "; rerun with --debug and report what it shows",
-}
-"""Next moves by code, in the words of the command line; the page has words of its own for
-those that name options (gsedit.app.moves)."""
+from pathlib import Path
+
+MOVES, ON_PAGE = {"": ""}, {"": ""}
+"""Next moves by code, in the words of the command line and in those of the page: see moves.txt."""
+for _row in Path(__file__).with_name("moves.txt").read_text("utf-8").splitlines():
+    if _row and _row[0] != "#":
+        _code, _said, _shown = _row.split("|")
+        MOVES[_code.strip()], ON_PAGE[_code.strip()] = _said, _said if _shown == "=" else _shown
 
 
 class Said(str):
@@ -76,3 +48,9 @@ class UsageError(GseditError):
 
 class InputError(GseditError):
     """A file or folder cannot be read as what it should be (exit code 3)."""
+
+
+def on_page(error: Exception) -> str:
+    """The message of an error in the words of the page, in one line."""
+    said = error.said if isinstance(error, GseditError) else Said(str(error))
+    return " ".join((said.what + ON_PAGE[said.move].format(**said.values)).split())

@@ -8,10 +8,9 @@ from functools import cache
 from pathlib import Path
 from typing import Literal
 
-from gsedit.app.moves import on_page
 from gsedit.app.places import Places
 from gsedit.editing.plan import is_exact, steps_of
-from gsedit.errors import UsageError
+from gsedit.errors import UsageError, on_page
 from gsedit.paper.editors.registry import make_editor
 from gsedit.paper.protocol import Editor
 from gsedit.words.called import FILE

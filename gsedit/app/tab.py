@@ -17,8 +17,7 @@ from torch import Tensor
 from gsedit.app.document import Eye
 from gsedit.app.frames import RESTING_QUALITY, DisplayState, LatestOnlyWorker, Painter, Way, picture
 from gsedit.app.looking import framed
-from gsedit.app.moves import on_page
-from gsedit.errors import GseditError
+from gsedit.errors import GseditError, on_page
 from gsedit.select.region import tinted
 from rasterizer.camera import Camera, pose_of
 from rasterizer.numerics import DEFAULT

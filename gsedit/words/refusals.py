@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import re
 import unicodedata
+from collections.abc import Iterator
 from difflib import SequenceMatcher
+from pathlib import Path
 
 from gsedit.errors import Said
 from gsedit.words.lexicon import near_styles, sets, style_words, styles
@@ -15,48 +17,16 @@ class Refused(Exception):
     """Kind of refusal of a sentence, and the words that stopped it."""
 
 
-SAY = "gsedit changes color, material, tone, light, weather, season, style and objects"
-REASONS = {
-    "empty": "the sentence is empty: say what should change, as in 'make it snow'",
-    "language": f"only English is read: {SAY}; say it as in 'paint it red'",
-    "question": f"this asks for no change: {SAY}; say what should change, as in 'make it warmer'",
-    "geometry": Said(
-        "this would make or reshape something: what is in the scene can be removed, moved, turned, "
-        "scaled and copied ('remove the bear'), and a scene's file put in ('put hat.ply on the "
-        "table')",
-        "any-sentence",
-    ),
-    "insert": Said(
-        "what is put in is the file of a scene: name it, as in 'put hat.ply on the table'",
-        "any-sentence",
-    ),
-    "everything": "this leaves no scene: say what should stay, as in 'keep only the bear', or go, "
-    "as in 'remove the bear'",
-    "unreal": "a shadow or a reflection is no object: lighten it, as in 'lift the shadows', or "
-    "remove what throws it, as in 'remove the bear'",
-    "undo": "nothing is overwritten, so there is nothing to undo: go on with the scene before the "
-    "edit, which edit.json beside the edited one names ('scene')",
-    "size": "objects are scaled by 0.1 to 10 times: say less, as in 'make it twice as big'",
-    "distance": "a scene does not know how long a meter is: say a share of the object's size or "
-    "units of the scene's file, as in 'move it left by half its height' or 'by 0.3 units'",
-    "copies": "up to 20 copies are made at a time: say fewer, as in 'put three more on its left'",
-    "negation": "this names what must not be, or takes away what no route takes away: say what it "
-    "should be instead, as in 'paint it blue'",
-    "two": "this asks for two things of one part that exclude each other: say one, as in "
-    "'paint it red'",
-    "direction": "this does not say which way: say more or less, as in 'more contrast'",
-    "amount": "this amount is out of range: give from -100 % to 500 %, of light to 200 %, as in "
-    "'20 % brighter'",
-    "strength": "weather and seasons have one strength: say them plain, as in 'make it rain'; a "
-    "painting's is an option, as in --strength 0.5",
-    "side": "fog, clouds and weather come from no side: leave the side out, as in 'add fog'",
-    "kept": "this says what stays, and that cannot be told from what changes: name both, as in "
-    "'paint the vase red, but not the table'",
-    "nonsense": f"this asks for no change that is known: {SAY}, as in 'a bronze statue at night'",
-}
+def _reasons() -> Iterator[tuple[str, str]]:
+    for row in Path(__file__).with_name("reasons.txt").read_text("utf-8").splitlines():
+        if row and row[0] != "#":
+            head, _, text = row.partition(": ")
+            kind, _, move = head.partition(" ")
+            yield kind, Said(text, move)
+
+
+REASONS = dict(_reasons())
 """Message to a person, by the kind of refusal."""
-
-
 _POLITE = r"(?: (?:please|now|again))*[.! ]*$"
 ODD = (
     (rf"^(?:please )?(?:undo|redo|revert|roll back)(?: (?:it|that|this|all|everything"

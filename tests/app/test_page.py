@@ -13,10 +13,9 @@ from pages import COMMAND, make_page, until
 
 from gsedit.app import document as documents
 from gsedit.app.document import Pending
-from gsedit.app.moves import on_page
 from gsedit.app.opening import make_scene, open_path, receive
 from gsedit.app.worker import Worker
-from gsedit.errors import GseditError, UsageError
+from gsedit.errors import GseditError, UsageError, on_page
 from gsedit.select.saved import save_named, saved_names
 
 

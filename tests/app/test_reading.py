@@ -2,10 +2,9 @@
 
 import pytest
 
-from gsedit.app.moves import ON_PAGE, on_page
 from gsedit.app.reading import SECONDS, USUAL_COUNT, read
 from gsedit.capture.causes import Evidence, cause
-from gsedit.errors import MOVES, Said, UsageError
+from gsedit.errors import ON_PAGE, Said, UsageError, on_page
 
 
 def test_a_reading_tells_how_long_it_takes():
@@ -40,6 +39,5 @@ def test_next_moves_are_those_of_the_page(said, told):
     assert "--" not in shown
 
 
-def test_the_page_has_words_for_all_moves_that_name_options():
-    assert set(ON_PAGE) == set(MOVES) - {""}
+def test_the_pages_moves_name_no_options():
     assert "--" not in "".join(ON_PAGE.values())

@@ -17,12 +17,11 @@ from torch import Tensor
 
 from gsedit.app.chips import chips_of, offers, said
 from gsedit.app.looking import marks
-from gsedit.app.moves import on_page
 from gsedit.app.panels.looks import Looks
 from gsedit.app.previews import Previewer
 from gsedit.app.reading import Knob, Reading, knobs_of, read
 from gsedit.app.tab import button
-from gsedit.errors import GseditError, UsageError
+from gsedit.errors import GseditError, UsageError, on_page
 from gsedit.select.saved import saved_files
 from gsedit.words.read import read_instruction
 
