@@ -206,16 +206,14 @@ class MaskOptions:
 
     masks: str | None = option(None, "NAME")
     """Find the phrase in pictures of the scene. command: by a program of yours (--masks-run);
-    clipseg, grounded-sam: by networks of transformers (--masks-model); or a name that a package
-    adds. Without it, by colors, sizes and places alone."""
+    clipseg: by a network of transformers (--masks-model); or a name that a package adds. Without
+    it, by colors, sizes and places alone."""
     masks_run: str | None = option(None, "COMMAND")
     """The program of --masks command, as in "my_segmenter {input} {output} {phrase}". It must write
     to the folder {output} a mask (PNG, white where it is) for each PNG in {input}. No shell is
     involved."""
     masks_model: str | None = option(None, "FOLDER")
-    """Folder of CLIPSeg's weights, or of GroundingDINO's for grounded-sam."""
-    masks_sam: str | None = option(None, "FOLDER")
-    """Folder of SAM's weights, for grounded-sam."""
+    """Folder of CLIPSeg's weights."""
 
     def check_unused(self) -> None:
         """Raise UsageError where any is given, for a sentence that a 2D editor draws."""
@@ -231,7 +229,7 @@ class MaskOptions:
         Raises UsageError for an option that it does not take, one without --masks, and --masks
         without a phrase, or with one that it cannot look for.
         """
-        given = {"run": self.masks_run, "model": self.masks_model, "sam": self.masks_sam}
+        given = {"run": self.masks_run, "model": self.masks_model}
         if self.masks is None:
             for name, value in given.items():
                 if value is not None:

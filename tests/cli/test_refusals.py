@@ -115,7 +115,7 @@ REFUSED = """
 2 | select room/room.ply --masks-run 'x {input} {output}' --phrase a -o x.npy | --masks
 2 | select room/room.ply --masks command --phrase a -o x.npy | --masks-run
 2 | select room/room.ply --masks sam9 --phrase a -o x.npy | clipseg
-2 | select room/room.ply --masks clipseg --masks-sam x --phrase a -o x.npy | --masks-sam
+2 | select room/room.ply --masks clipseg --masks-run x --phrase a -o x.npy | --masks-run
 
 2 | edit scene.ply '' -o out | empty
 2 | edit scene.ply remove the bear | quotes

@@ -119,27 +119,12 @@ def _clipseg(model: str | None = None) -> MaskProvider:
     """CLIPSeg, soft masks: --masks-model FOLDER; gsedit[diffusers]."""
     if model is None:
         raise UsageError("--masks clipseg needs its weights: add --masks-model FOLDER")
-    return _networks().load_clipseg(model)
-
-
-def _grounded_sam(model: str | None = None, sam: str | None = None) -> MaskProvider:
-    """GroundingDINO and SAM: --masks-model FOLDER, --masks-sam FOLDER; gsedit[diffusers]."""
-    if model is None or sam is None:
-        raise UsageError(
-            "--masks grounded-sam needs GroundingDINO and SAM: add --masks-model FOLDER and "
-            "--masks-sam FOLDER"
-        )
-    return _networks().load_grounded_sam(model, sam)
-
-
-def _networks() -> Any:
-    """The module of networks. Raises UsageError without transformers."""
     for name in ("diffusers", "transformers"):
         if find_spec(name) is None:
             raise UsageError(f"masks by networks need {name}: pip install 'gsedit[diffusers]'")
-    from gsedit.paper.models import mask_networks
+    from gsedit.paper.models.mask_networks import load_clipseg
 
-    return mask_networks
+    return load_clipseg(model)
 
 
 EDITORS = Plugins(
@@ -157,11 +142,7 @@ EDITORS = Plugins(
 MASKS = Plugins(
     "gsedit.masks",
     "masks",
-    {
-        "command": (_mask_command, tuple),
-        "clipseg": (_clipseg, tuple),
-        "grounded-sam": (_grounded_sam, tuple),
-    },
+    {"command": (_mask_command, tuple), "clipseg": (_clipseg, tuple)},
     parts=("name", "check", "masks"),
     prefix="--masks-",
 )
@@ -186,7 +167,7 @@ def list_editors() -> tuple[Listing, ...]:
 def make_masks(name: str, **options: Any) -> MaskProvider:
     """The mask provider of that name; `options` that are None are as if they were not given.
 
-    `run` is the program of command (see MaskCommand), `model` the folder of clipseg, and of the
-    detector of grounded-sam, whose `sam` is that of SAM. Raises as `make_editor`.
+    `run` is the program of command (see MaskCommand), `model` the folder of clipseg. Raises
+    as `make_editor`.
     """
     return MASKS.make(name, options)
