@@ -441,15 +441,14 @@ def find_shade(
         return none
     size = float(np.sqrt(source.sum()))
     away = away_from(source)
-    reach = max(SHADOW_REACH * size, CONTACT * farthest)
+    reach, thin = max(SHADOW_REACH * size, CONTACT * farthest), max(1, round(THIN * size))
     reach = min(reach, float(np.quantile(away[known], NEAREST)))
     sigma, seen = max(1.0, BLUR * size), known.astype(np.float64)
     mean = mean_around(picture, seen, sigma)
     near = known & (away <= reach)
     wide = mean_around(picture, seen, max(WIDE[0], WIDE[1] * size)).mean(-1)
     dim = wide < DIM * np.quantile(wide[known], USUAL)
-    near |= touching(known & dim & (away <= farthest), source | near)
-    near = closed(near, max(1, round(THIN * size))) & ~hole
+    near = closed(near | touching(known & dim & (away <= farthest), source | near), thin) & ~hole
     far = known & ~near
     if not near.any() or not far.any():
         return none
@@ -458,7 +457,7 @@ def find_shade(
     light, own = mean / usual, (mean_around(picture, seen, 1.0) / usual).mean(-1)
     contact = known & (away <= TOUCHED * farthest) & (own < DIM)
     dark = near & (light.mean(-1) < SHADED)
-    dark &= opened(dark | source, max(1, round(THIN * size)))
+    dark &= opened(dark | source, thin)
     if others.any():
         dark &= CLOSER * away_from(others) > away
     shadow = touching(dark, source)
