@@ -163,6 +163,26 @@ def test_its_mirror_image_in_a_glossy_floor_goes_along():
     assert dropped[rows & deep].float().mean() > 0.95
 
 
+def test_a_plate_that_views_saw_a_mirrored_world_in_is_opaque_in_its_color():
+    grid = torch.cartesian_prod(*[torch.arange(-1.5, 1.5, 0.05)] * 2)
+    level = torch.nn.functional.pad(grid, (0, 1))
+    floor = cloud(level[grid.norm(dim=1) > 0.6], (-3.2, -3.2, -6.0), 0.7)
+    plate = cloud(level[grid.norm(dim=1) < 0.55], (-3.2, -3.2, -6.0), 0.4, -2.0)
+    sky = cloud(3 * level - torch.tensor((0.0, 0.0, 1.5)), (-2.0, -2.0, -5.0), 0.4)
+    ways = torch.randn(600, 3, generator=torch.Generator().manual_seed(0))
+    places = 0.2 * torch.nn.functional.normalize(ways, dim=1) + torch.tensor((0.0, 0.0, 0.2))
+    ball = cloud(places, -3.5, torch.tensor((0.8, 0.1, 0.1)))
+    image = replace(ball, means=places * torch.tensor((1, 1, -1)))
+    scene, up = concatenate(ball, floor, plate, sky, image), torch.eye(3).double()[2]
+    cameras = circle(0 * up, 1.5, up, 12, 96, elevation=35.0, fov=50.0)
+    outcome = remove(scene, torch.arange(len(scene)) < len(ball), cameras)
+    made = outcome.scene[outcome.origin < 0]
+    assert not outcome.changed[outcome.origin >= 0].any()
+    assert (made.means.norm(dim=1) < 0.75).all()
+    for camera in circle(0 * up, 0.2, up, 3, 32, elevation=50.0, fov=30.0, start=10.0):
+        assert ((render(made, camera).color - 0.4).abs() < 0.06).all()  # black shows through
+
+
 def test_what_is_full_of_points_below_a_thing_is_no_mirror_image_of_it():
     random, up = np.random.default_rng(0), np.array((0.0, 0.0, 1.0))
     thing = random.uniform((-0.2, -0.5, 0.0), (0.2, 0.5, 1.0), (3000, 3))

@@ -17,11 +17,12 @@ from torch import Tensor
 
 from gsedit.change.objects.removal.cells import away_from, depth_in, mean_around, widened
 from gsedit.change.objects.removal.complete import Completed, complete, solve_membrane
-from gsedit.change.objects.removal.sheet import Sheet
-from gsedit.change.objects.removal.sight import Sight, Views, seen_through
+from gsedit.change.objects.removal.sheet import Object, Sheet
+from gsedit.change.objects.removal.sight import SAME_DEPTH, Sight, Views, beside_image, testify
 from gsedit.scene.planes import DEEPER, Plane
 from gsedit.scene.quaternions import quaternion_of, turn_between
 from rasterizer.camera import Camera
+from rasterizer.harmonics import basis
 from rasterizer.numerics import SH_DC, color_to_sh
 from rasterizer.render import render
 from rasterizer.scene import Gaussians, concatenate
@@ -38,6 +39,9 @@ SMOOTHED = 0.1
 def filled(kept: Gaussians, sheet: Sheet, plane: Plane) -> tuple[Gaussians, bool]:
     """The Gaussians of a sheet's hole, and whether they have texture; `kept` is what is left of the
     scene."""
+    if sheet.glossy:
+        rimmed = replace(sheet, hole=widened(sheet.hole, RIM))
+        return _discs(rimmed, plane, sheet.values[..., :3], plane.band, kept), True
     done = complete(sheet.values[..., :3], around(sheet.known, sheet.hole), sheet.hole)
     copies = _copies(kept, sheet, plane, done)
     sink = DEEPER * plane.band if len(copies) else 0.0
@@ -113,6 +117,41 @@ def _bands(sheet: Sheet) -> Float64[np.ndarray, "h w k 3"]:
     return solve_membrane(mean, ~rim, rim).reshape(shape)
 
 
+EVEN, RIM, STEADY = 6.0, 2, 1e-3
+"""Standard deviation over which colors of a reflecting part are averaged, width by which it goes on
+under its rim, cells, and ridge of its view dependence: views are from a few sides only."""
+
+
+@torch.no_grad()
+def as_seen(scene: Gaussians, sheet: Sheet, plane: Plane, thing: Object, views: Views) -> Sheet:
+    """A sheet whose hole reflects, in the colors that views of the scene with the object saw there
+    beside its mirror image: each cell has its own, and all have one view dependence."""
+    hole, image = sheet.hole, thing.points - 2 * plane.heights(thing.points)[:, None] * plane.normal
+    places = sheet.points()[hole.reshape(-1)]
+    eyes = torch.stack([sight.camera.center.double() for sight in views.sights])
+    colors, shown = [], []
+    for sight, height in zip(views.sights, plane.heights(eyes.numpy())[:, None]):
+        row, column, free = beside_image(places, image, sight, height, plane.band)
+        shown.append(free)
+        colors.append(render(scene, sight.camera).color.double()[row, column])
+    seen, at = torch.stack(colors), torch.from_numpy(np.stack(shown))
+    ways = torch.nn.functional.normalize(torch.from_numpy(places) - eyes[:, None], dim=-1)
+    factors = basis(ways.reshape(-1, 3), scene.degree).reshape(*at.shape, -1)
+    usual = factors[at].mean(0)
+    across = (factors - usual)[..., 1:]
+    some, color = across[at], seen[at] - seen[at].mean(0)
+    square = some.T @ some + STEADY * len(some) * torch.eye(some.shape[1])
+    bands = torch.linalg.solve(square, some.T @ color)
+    own = (seen - across @ bands).masked_fill(~at[..., None], torch.nan).nanmedian(0).values
+    values, sure = sheet.values.copy(), np.zeros_like(hole)
+    sure[hole] = (at.sum(0) >= at.sum(0).median()).numpy()  # the rest is hidden by the object
+    values[hole, :3] = own.nan_to_num().numpy()
+    values[..., 3:] = bands.reshape(-1)
+    even = mean_around(values[..., :3], sure.astype(np.float64), EVEN)
+    values[..., :3] = solve_membrane(even, widened(hole, RIM) & ~sure, sure)
+    return replace(sheet, values=values, usual=usual.numpy() / SH_DC)
+
+
 LEAST_HOLE = 0.01
 """Least hole, of the object's outline: less is not worth a layer."""
 SOLID = 0.5
@@ -161,8 +200,10 @@ def backdrop(
     smooth = solve_membrane(inverse[..., None], hole, known)[hole][:, 0]
     far = torch.from_numpy(1 / np.maximum(smooth, 1e-9))
     made = _layer(scene, camera, hole, far, torch.from_numpy(done.picture[hole]))
-    empty = seen_through(made.means.double().numpy(), sights)
-    return made[torch.from_numpy(~empty)], done.textured
+    before = Views(sights, [sight.depth for sight in sights], [])
+    places = made.means.double().numpy()
+    _, through, free, _ = testify(places, np.ones(len(sights)), before, SAME_DEPTH)
+    return made[torch.from_numpy(through <= 0.5 * free)], done.textured
 
 
 def _layer(

@@ -24,7 +24,7 @@ from gsedit.change.objects.removal.cells import (
     rectangle_around,
     widened,
 )
-from gsedit.change.objects.removal.fill import backdrop, filled, find_gap
+from gsedit.change.objects.removal.fill import as_seen, backdrop, filled, find_gap
 from gsedit.change.objects.removal.sheet import Object, Sheet, find_shade, find_sheet, standing
 from gsedit.change.objects.removal.sight import (
     Sight,
@@ -128,20 +128,22 @@ def strays(
     points: Float[np.ndarray, "n 3"],
     colors: Float[np.ndarray, "n 3"],
     opacities: Float[np.ndarray, " n"],
-    away: Float[np.ndarray, " n"],
+    thing: Float[np.ndarray, "k 3"],
+    extent: float,
     seen: Float[np.ndarray, " n"],
     now: Float[np.ndarray, "3 n"],
     planes: Sequence[Plane],
 ) -> Bool[np.ndarray, " n"]:
     """Flag the Gaussians that go with the object.
 
-    `away` is the distance from the object in its extent, `seen` what each Gaussian contributed
+    `thing` are points of the object, `extent` its own, `seen` what each Gaussian contributed
     while the object was there, `now` what it does without (`contributions_of`). Those go that
     nobody saw, on a plane or near the object; near it, what is enclosed and on no plane; haze that
-    is seen before the object more than beside it; and on a plane, what was hardly seen, or touches
-    the object, and does not look like it: remains of a foot or a shadow.
+    is seen before the object more than beside it; and on a plane, what was hardly seen under the
+    object, or touches it, and does not look like it: remains of a foot or a shadow.
     """
     all_, outlined, _ = now
+    away = k_nearest(thing, points, 1, AROUND * extent)[0][:, 0] / extent
     total = np.maximum(all_, SHOWN)
     trust = np.where(all_ < SHOWN, 1.0, seen / total)
     enclosed = outlined > OUTLINED * total
@@ -151,10 +153,13 @@ def strays(
     gone = (trust < UNSEEN) & (flat | close) | (enclosed & close & ~flat)
     haze = (opacities < FAINT) & (away < HAZE) & ~flat
     gone |= haze & (outlined > HAZE_OUTLINED * total) & (trust < SURE)
-    for layer in layers:
+    for plane, layer in zip(planes, layers):
         touched = away < TOUCHED
+        under = np.zeros_like(layer)
+        shade = thing - plane.heights(thing)[:, None] * plane.normal
+        under[layer] = np.isfinite(k_nearest(shade, points[layer], 1, HAZE * extent)[0][:, 0])
         sure = np.flatnonzero(layer & (away < AROUND) & ~touched & (trust > SURE))
-        asked = np.flatnonzero(layer & ((trust < UNSURE) | touched) & ~gone)
+        asked = np.flatnonzero(layer & ((under & (trust < UNSURE)) | touched) & ~gone)
         if len(sure) >= LEAST_SURE and len(asked):
             k = max(1, int(ALIKE_SHARE * len(sure)))
             gone[asked[k_nearest(colors[sure], colors[asked], k)[0][:, -1] > ALIKE]] = True
@@ -433,7 +438,10 @@ def _planes_filled(
         sheet = find_sheet(left.rest, plane, others, thing, views)
         if sheet is None:
             continue
-        left, sheet = _lit(left, sheet, plane, thing.extent)
+        if sheet.glossy:
+            sheet = as_seen(left.before, sheet, plane, thing, views)
+        else:
+            left, sheet = _lit(left, sheet, plane, thing.extent)
         left = left.without(_in_hole(left, sheet, plane))
         made, textured = filled(left.rest, sheet, plane)
         left = left.plus(made, textured)
@@ -509,7 +517,7 @@ def _lit(left: _Left, sheet: Sheet, plane: Plane, extent: float) -> tuple[_Left,
     sh[dark, :1] += 0.5 / SH_DC * (brighter - 1)
     values = sheet.values / np.tile(light, sheet.values.shape[-1] // 3)
     contact = widened(sheet.hole, CONTACT) & (light.min(-1) < DIMMED)
-    hole = sheet.hole | ((deep | contact) & sheet.known)
+    hole = sheet.hole | deep | (contact & sheet.known)
     sheet = replace(sheet, values=values, known=sheet.known & ~hole, hole=hole)
     return replace(left, changed=left.changed | dark, rest=replace(left.rest, sh=sh)), sheet
 
@@ -561,13 +569,11 @@ def _without(
     )
     colors = sh_to_color(kept.sh[:, 0]).numpy()
     some = points[removed][:: 1 + int(removed.sum()) // MOST_POINTS]
-    away = k_nearest(some, points[rest.numpy()], 1, AROUND * extent)[0][:, 0] / extent
-    gone = strays(
-        points[rest.numpy()], colors, kept.opacities.numpy(), away, seen[rest].numpy(), now, planes
-    )
+    left, opaque = points[rest.numpy()], kept.opacities.numpy()
+    gone = strays(left, colors, opaque, some, extent, seen[rest].numpy(), now, planes)
     if planes:
         ground = planes[0]
-        gone |= mirrored_under(points[removed], points[rest.numpy()], ground.normal, ground.offset)
+        gone |= mirrored_under(points[removed], left, ground.normal, ground.offset)
     stay = torch.from_numpy(~gone)
     trust = seen[rest][stay] / torch.from_numpy(now[0])[stay].clamp_min(SHOWN)
     return rest[stay], trust, planes

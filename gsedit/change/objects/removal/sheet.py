@@ -15,6 +15,7 @@ import numpy as np
 import torch
 from jaxtyping import Bool, Float, Float64, Int64
 from scipy.ndimage import gaussian_filter, grey_dilation
+from scipy.spatial import Delaunay
 
 from gsedit.change.objects.removal.cells import (
     away_from,
@@ -56,6 +57,8 @@ class Sheet:
     """Depth of the plane along the camera's view."""
     usual: Float64[np.ndarray, " k"]
     """Factors of the harmonics in the color, over SH_DC: means over the cameras."""
+    glossy: bool = False
+    """Whether the hole is a part that reflects: its color is the one that views saw there."""
 
     def points(self) -> Float64[np.ndarray, "m 3"]:
         """Middles of all cells on the plane, in rows."""
@@ -142,6 +145,8 @@ BEHIND = 0.03
 """Share of what is known of a plane that may lie behind another one that ends it: a corner."""
 LEAST_CELLS, LEAST_FINE_CELLS = 6, 2
 """Cells of the smallest hole, coarse and fine: a smaller one is closed by what is around it."""
+MOST_OF = 0.7
+"""Least share of an object's foot that is on a part that reflects, and of its hull filled."""
 CLOSE = 0.1
 """Distance of the object's parts that are close over a plane, of its extent."""
 NOTCH = 0.05
@@ -229,6 +234,9 @@ def _drawn(
     empty = Sheet(camera, 1 / camera.fx, values, known, hidden, hidden, depth, usual)
     close = np.abs(plane.heights(thing.points)) < CLOSE * thing.extent
     caster = empty.under(thing.points[close])
+    glossy = _glossy(known, solid, caster, unseen)
+    if glossy.any():
+        return replace(empty, known=known & ~glossy, caster=caster, hole=glossy, glossy=True)
     if caster.any():  # what it stands on is hidden from its foot on
         unseen = touching(unseen & solid, widened(caster, 2))
     hidden &= away_from(unseen) < NEARBY * thing.extent * camera.fx
@@ -268,6 +276,26 @@ def _colors_on(
     bands = values.reshape(*alpha.shape, -1, 3)
     values[..., :3] = 0.5 + SH_DC * np.einsum("hwkc,k->hwc", bands, usual)
     return _even(values, alpha), usual
+
+
+def _glossy(
+    known: Bool[np.ndarray, "h w"],
+    solid: Bool[np.ndarray, "h w"],
+    caster: Bool[np.ndarray, "h w"],
+    unseen: Bool[np.ndarray, "h w"],
+) -> Bool[np.ndarray, "h w"]:
+    """The part amid a surface that an object stands on though views see through it: as nothing
+    stands in the air, it reflects. Empty if there is none."""
+    foot = caster | touching(unseen & ~known, caster)
+    clear = touching(~solid & ~known, widened(foot, GAP))
+    part = opened(clear | foot)
+    beyond = clear[[0, -1]].any() or clear[:, [0, -1]].any()
+    if beyond or not part.any() or clear.sum() <= caster.sum():
+        return np.zeros_like(part)
+    hull = Delaunay(np.argwhere(part)).find_simplex(np.argwhere(np.ones_like(part))) >= 0
+    hull = hull.reshape(part.shape)
+    stands = (hull & caster).sum() > MOST_OF * caster.sum()
+    return hull & (stands and part.sum() > MOST_OF * hull.sum())
 
 
 def _holes(
@@ -371,7 +399,7 @@ DIM, USUAL = 0.85, 0.6
 WIDE = (4.0, 0.15)
 """Standard deviation over which light is averaged for that, at least in cells, and of the size of
 what casts it: wider than a texture's own dark parts."""
-DEEP = 0.55
+DEEP = 0.7
 """Light, of what is usual, below which nothing of the surface can be brought back."""
 THIN = 0.08
 """Half of the width, of the size of what casts it, up to which what is dark is no shadow: a crease
@@ -388,9 +416,6 @@ SOFT = 0.82
 """Light at the border of a shadow, of what is usual, from which it fades out."""
 FADES = 0.05
 """Least difference in light of its farthest and nearest quarters, then: else it is the ground's."""
-BRIGHTEST = 0.9
-"""Share of what is lit that is darker than the most a shadow is brightened to: a pale stone in one
-becomes no white one."""
 PATTERN = 4.0
 """Least standard deviation of the blur that leaves the light of a surface, cells: a pattern of its
 own, as a floor's tiles, is no light."""
@@ -416,14 +441,14 @@ def find_shade(
         return none
     size = float(np.sqrt(source.sum()))
     away = away_from(source)
-    reach = max(SHADOW_REACH * size, CONTACT * farthest)
+    reach, thin = max(SHADOW_REACH * size, CONTACT * farthest), max(1, round(THIN * size))
     reach = min(reach, float(np.quantile(away[known], NEAREST)))
     sigma, seen = max(1.0, BLUR * size), known.astype(np.float64)
     mean = mean_around(picture, seen, sigma)
     near = known & (away <= reach)
     wide = mean_around(picture, seen, max(WIDE[0], WIDE[1] * size)).mean(-1)
     dim = wide < DIM * np.quantile(wide[known], USUAL)
-    near |= touching(known & dim & (away <= farthest), source | near)
+    near = closed(near | touching(known & dim & (away <= farthest), source | near), thin) & ~hole
     far = known & ~near
     if not near.any() or not far.any():
         return none
@@ -432,34 +457,17 @@ def find_shade(
     light, own = mean / usual, (mean_around(picture, seen, 1.0) / usual).mean(-1)
     contact = known & (away <= TOUCHED * farthest) & (own < DIM)
     dark = near & (light.mean(-1) < SHADED)
-    dark &= opened(dark | source, max(1, round(THIN * size)))
+    dark &= opened(dark | source, thin)
     if others.any():
         dark &= CLOSER * away_from(others) > away
     shadow = touching(dark, source)
     if not shadow.any() or not _cast(light, shadow, known & ~shadow, away):
         return none[0], contact
-    light = _left_of(picture, seen, usual, (wide, far), sigma)
-    fading = np.where(shadow[..., None], light.clip(0.05, 1.0), 1.0)
+    even = mean_around(picture, seen, max(PATTERN, sigma)).mean(-1) / usual.mean(-1)
+    fading = np.where(shadow, even.clip(0.05, 1.0), 1.0)[..., None] + np.zeros(3)
     fading = mean_around(fading, seen, max(1.0, sigma / 2)).clip(0.05, 1.0)
     contact |= shadow & (fading.mean(-1) < DEEP)
     return np.where(known[..., None], fading, 1.0), contact
-
-
-def _left_of(
-    picture: Float[np.ndarray, "h w 3"],
-    seen: Float[np.ndarray, "h w"],
-    usual: Float[np.ndarray, "h w 3"],
-    lit: tuple[Float[np.ndarray, "h w"], Bool[np.ndarray, "h w"]],
-    sigma: float,
-) -> Float[np.ndarray, "h w 3"]:
-    """Share of the usual light, even as a shadow; more where a cell would outshine what is lit.
-
-    `lit` has the light averaged widely, and flags of the cells out of the shadow.
-    """
-    wide, far = lit
-    most = np.quantile(picture.mean(-1)[far] / np.maximum(wide[far], 1e-3), BRIGHTEST)
-    even = mean_around(picture, seen, max(PATTERN, sigma)) / usual
-    return np.maximum(even, mean_around(picture, seen, 1.0) / (most * usual))
 
 
 def _cast(

@@ -13,7 +13,7 @@ import torch
 from jaxtyping import Bool, Float, Float64
 from torch import Tensor
 
-from gsedit.change.objects.removal.cells import widened
+from gsedit.change.objects.removal.cells import closed, widened
 from gsedit.scene.planes import DEEPER
 from rasterizer.camera import Camera
 from rasterizer.color_weights import color_weights
@@ -157,15 +157,19 @@ def testify(
     return revealed, through, unhidden, covered
 
 
-def seen_through(
-    points: Float64[np.ndarray, "m 3"], sights: Sequence[Sight]
-) -> Bool[np.ndarray, " m"]:
-    """Flag the places that most views saw through, of those that nothing hid them from."""
-    through, all_ = np.zeros(len(points)), np.zeros(len(points))
-    for sight in sights:
-        row, column, z, shown = _pixels_of(points, sight)
-        shown &= ~sight.outline[row, column]
-        depth = sight.depth[row, column]
-        all_ += shown & (depth > (1 - SAME_DEPTH) * z)
-        through += shown & (depth > (1 + SAME_DEPTH) * z)
-    return through > 0.5 * all_
+def beside_image(
+    points: Float64[np.ndarray, "m 3"],
+    image: Float64[np.ndarray, "k 3"],
+    sight: Sight,
+    height: Float64[np.ndarray, "1"],
+    tolerance: float,
+) -> tuple[np.ndarray, np.ndarray, Bool[np.ndarray, " m"]]:
+    """Row and column of points of a plane, and whether a view shows them beside the object and its
+    mirror `image`, points (see `testify`)."""
+    row, column, _, within = _pixels_of(image, sight)
+    shown = np.zeros_like(sight.outline)
+    shown[row[within], column[within]] = True
+    rim = max(1, round(HALO * np.sqrt(sight.outline.sum())))
+    outline = sight.outline | widened(closed(shown, 2), rim)
+    alone = Views([replace(sight, outline=outline)], [sight.depth], [])
+    return *_pixels_of(points, sight)[:2], testify(points, height, alone, tolerance)[2] > 0
