@@ -27,6 +27,8 @@ MIXED = re.compile(r"\b(?:mix|mixed|mixture|blend|blended|cross)\b", re.IGNORECA
 """Words that make one look of two."""
 INSIDE = re.compile(r"\w (?:in|from) the (?:background|surroundings?|scenery)$")
 """Phrases of things that are in the background, not of the background."""
+FROM_SIDE = re.compile(r" from (?:the )?(?:left|right|front|behind|above|below)(?: side)?$")
+"""Where light comes from, behind a phrase of what it falls on."""
 SUBJECT = re.compile(r"^(?:the )?(?:subject|main thing|main object)$")
 """Phrases of the subject."""
 SOLID = ("material", "paint", "growth", "object")
@@ -162,7 +164,7 @@ def _amount(asked: Asked) -> str:
 
 def _placed(change: Change, asked: Asked, text: str, last: str) -> Change:
     """A change with the part that it is of; `last` is the phrase that was named before."""
-    part, of = asked.part, asked.of
+    part, of = asked.part, FROM_SIDE.sub("", asked.of) if change.kind == "light" else asked.of
     if part == "span":
         part = "background" if BACKGROUND.match(of) else "scene" if WHOLE.match(of) else part
         part = "it" if PRONOUN.match(of) or not of else part
