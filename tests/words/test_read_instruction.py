@@ -34,15 +34,15 @@ def only(sentence: str) -> Change:
 @pytest.mark.parametrize(
     ("name", "count", "least"),
     [
-        ("open", 222, 204), ("fresh_open", 105, 93), ("aside", 222, 194), ("fresh_aside", 105, 85),
-        ("strangers", 121, 108), ("actions", 40, 36), ("actions_aside", 20, 11),
-        ("objects", 20, 11),
+        ("open", 222, 213), ("fresh_open", 105, 97), ("aside", 222, 204), ("fresh_aside", 105, 88),
+        ("strangers", 121, 113), ("actions", 40, 37), ("actions_aside", 20, 13),
+        ("objects", 20, 14),
     ],
 )  # fmt: skip
 def test_sentences_are_read_and_none_is_done_the_opposite_way(name, count, least):
     """The least is two below the measured (docs/measurements/instructions.md)."""
     counts, _, _ = graded(DATA / f"{name}.json")
-    assert counts["opposite"] <= (name in ("objects", "fresh_aside"))  # one each is known
+    assert counts["opposite"] == 0
     assert counts["right"] + counts["refused rightly"] >= least
     assert counts.total() == count
 
@@ -160,7 +160,7 @@ def test_who_asks_and_how_politely_changes_hardly_anything(frame):
     asked = [each["text"].rstrip(".!") for each in entries if each["text"].startswith(verbs)]
     some = asked[::3]
     same = [read_instruction(frame.format(e)).changes == read_instruction(e).changes for e in some]
-    assert sum(same) >= 0.7 * len(some)
+    assert sum(same) >= 0.8 * len(some)
 
 
 def test_what_is_denied_beside_what_is_asked_is_left_out():

@@ -252,6 +252,6 @@ def _without(
         return replace(change, keep=tuple(each for each in named if each != phrase))
     if phrase in named:
         raise Refused("kept", phrase)
-    if named and (change.target == "scene" or (change.target == "subject" and not phrase)):
+    if named and change.target == "scene":
         return replace(change, target="background", phrase=named[0], keep=tuple(named[1:]))
     return replace(change, keep=tuple(named))
