@@ -115,6 +115,18 @@ def loss_of(scores: dict[str, Tensor], told: dict[str, Tensor]) -> Tensor:
     return total + ENDS * ends + KEPT * kept
 
 
+def gradient(network: net.Marker, ids: Tensor, told: dict[str, Tensor]) -> Tensor:
+    """The loss of a batch, whose gradient the network then has."""
+    with sdpa_kernel(SDPBackend.MATH):  # flash's gradient is slow for few pieces
+        with torch.autocast("cpu", torch.bfloat16):
+            scores = network(ids, ids > 0)
+        loss = loss_of(scores, told)
+        network.zero_grad()
+        loss.backward()
+    torch.nn.utils.clip_grad_norm_(network.parameters(), CLIP)
+    return loss
+
+
 def train(
     sentences: Sequence[Labelled], base: Path, out: Path, epochs: int, seed: int, share: float = 1.0
 ) -> None:
@@ -143,13 +155,7 @@ def train(
             some = sorted((varied.one() for _ in range(BATCH * POOL)), key=lambda s: len(s.text))
             for at in range(0, len(some), BATCH):
                 ids, told = targets(some[at : at + BATCH], values)
-                with sdpa_kernel(SDPBackend.MATH):  # flash's gradient is slow for few pieces
-                    with torch.autocast("cpu", torch.bfloat16):
-                        scores = network(ids, ids > 0)
-                    loss = loss_of(scores, told)
-                    adam.zero_grad()
-                    loss.backward()
-                torch.nn.utils.clip_grad_norm_(network.parameters(), CLIP)
+                loss = gradient(network, ids, told)
                 adam.step()
                 plan.step()
                 total += loss.item() / (passes * POOL)
