@@ -3,7 +3,8 @@
 python examples/world_sheet.py bear.ply garden.ply dinosaur.ply guitar.ply -o sheet/
 
 Every picture is of a camera that no edit looked through. sheet/ gets a folder of pictures a scene,
-before and after; sheet.jpg, all of them; and front.jpg, some of the first three scenes, larger.
+before and after; sheet.jpg, all of them; and larger, front.jpg, some of the first three scenes, and
+objects.jpg, the first scene, which shows a bear, after OBJECTS.
 """
 
 from __future__ import annotations
@@ -62,6 +63,9 @@ FRONT = (("turn it into a bronze statue", "at night by moonlight"),
          ("make it snow", "polished white marble"),
          ("as an expressionist painting", "remove it"))  # fmt: skip
 """Instructions of the front picture, for each of the first three scenes."""
+OBJECTS = ("remove the bear", "make the bear half the size", "turn the bear around",
+           "a thick layer of snow on the bear", "let moss grow on the bear",
+           "cover the ground with fallen leaves", "remove the bear and make it night")  # fmt: skip
 VIEW_PIXELS = 256
 """Longer side of the views that edits look at."""
 CELL_PIXELS, FRONT_PIXELS, PAIR_PIXELS = 200, 320, 512
@@ -202,6 +206,15 @@ def front_row(
     return [(label, cell(scene, shown.camera, FRONT_PIXELS)) for label, scene in chosen]
 
 
+def object_rows(shown: Shown) -> list[list[Labelled]]:
+    """The scene before and after OBJECTS, in two rows."""
+    chosen = [("before", shown.scene)]
+    chosen += [(f'"{text}"', made) for text, made in zip(OBJECTS, edits(shown, OBJECTS))]
+    cells = [(label, cell(scene, shown.camera, FRONT_PIXELS)) for label, scene in chosen]
+    half = len(cells) // 2
+    return [cells[:half], cells[half:]]
+
+
 def save_pairs(shown: Shown, scenes: Sequence[Gaussians | None], folder: Path) -> None:
     """Write a picture for each instruction: before and after, side by side."""
     folder.mkdir(parents=True, exist_ok=True)
@@ -235,6 +248,8 @@ def main(paths: Sequence[Path], out: Path) -> None:
         if number < len(FRONT):
             front.append(front_row(shown, scenes, FRONT[number]))
             save(grid(front), out / "front.jpg")
+        if number == 0:
+            save(grid(object_rows(shown)), out / "objects.jpg")
         columns.append([cell(scene, shown.camera, CELL_PIXELS) for scene in scenes])
         save(grid(labelled_rows(columns)), out / "sheet.jpg")  # whole after the last scene
 
