@@ -41,23 +41,12 @@ def chips_of(
     return "".join(lines)
 
 
-LISTED = re.compile(r"(?:did you mean|the nearest are) ([^?;:]+)")
-SENTENCE = re.compile(r"\b(?:say|as in) '([^']+)'")
-WORDS = re.compile(r"'([^']+)'")
-"""Choices and sentences that a refusal offers, and words that it quotes."""
-
-
 def offers(reading: Reading, read: Reader) -> str:
     """HTML of buttons for what the refusal of a sentence offers, so far as that is read."""
-    found, why = {}, reading.refusal
-    quoted = next((w for w in WORDS.findall(why) if w.lower() in reading.text.lower()), None)
-    for listed in LISTED.findall(why):
-        for each in re.split(r", (?:or |and )?| or | and ", listed):
-            name = each.strip(" '\".")
-            anew = re.sub(re.escape(quoted), name, reading.text, flags=re.I) if quoted else name
-            found[anew] = name
-    found |= {each: each for each in SENTENCE.findall(why)}
-    known = [each for each in found if each != reading.text and read(each).known]
+    why, text = reading.refusal, reading.text
+    place = re.compile(re.escape(why.of or text), re.IGNORECASE)
+    found = {place.sub(each, text): each for each in why.offers}
+    known = [each for each in found if each != text and read(each).known]
     shown = "".join(button(f"say {each}", escape(found[each])) for each in known)
     unread = reading.instruction.refusal == "unread"
     return f"<div>{shown}{button('accept', 'Run it so') if unread else ''}</div>"
