@@ -149,8 +149,10 @@ def prepare(
     generator: torch.Generator | None = None,
     resume: State | None = None,
     accept_unread: bool = False,
+    steps: tuple[Instruction, ...] | None = None,
 ) -> Job:
-    """Read a sentence, and check what is asked; without views, some are searched.
+    """Read a sentence, unless its steps are given, and check what is asked; without views, some are
+    searched.
 
     The `editor` (the painter) draws its painting styles by the strategy (the single pass); one that
     is no painter draws all of it. `names` are those of saved selections, and masks for nouns; with
@@ -162,8 +164,9 @@ def prepare(
         raise UsageError("the scene is empty: there is nothing to edit")
     settings, names = settings or EditSettings(), names or Names()
     drawn = editor is not None and not editor.capabilities.paints_styles
-    saved = tuple(names.saved)
-    steps = read_steps(sentence, saved, drawn=drawn, accept_unread=accept_unread)
+    if steps is None:
+        saved = tuple(names.saved)
+        steps = read_steps(sentence, saved, drawn=drawn, accept_unread=accept_unread)
     method = None
     if not all(map(is_exact, steps)):
         generator = generator or torch.Generator().manual_seed(0)
