@@ -133,9 +133,6 @@ def _check_owner(path: Path, status: os.stat_result) -> None:
         raise OSError(0, "other users can write it", str(path))
 
 
-# ---- libraries that a wheel brings ---------------------------------------------------------------
-
-
 class Level(NamedTuple):
     """Instructions that a library may use."""
 
@@ -207,8 +204,6 @@ def compile_levels(
         made.append(path)
     return made
 
-
-# ---- the library of a C++ file -------------------------------------------------------------------
 
 MAY_RUN = "set TMPDIR to a folder that can be written and where programs may run"
 

@@ -150,8 +150,7 @@ def prepare(
     accept_unread: bool = False,
     steps: tuple[Instruction, ...] | None = None,
 ) -> Job:
-    """Read a sentence, unless its steps are given, and check what is asked; without views, some are
-    searched.
+    """Read a sentence whose `steps` are not given, and check all; without views, some are searched.
 
     The `editor` (the painter) draws its painting styles by the strategy (the single pass); one that
     is no painter draws all of it. `names` are those of saved selections, and masks for nouns; with
@@ -164,8 +163,7 @@ def prepare(
     settings, names = settings or EditSettings(), names or Names()
     drawn = editor is not None and not editor.capabilities.paints_styles
     if steps is None:
-        saved = tuple(names.saved)
-        steps = read_steps(sentence, saved, drawn=drawn, accept_unread=accept_unread)
+        steps = read_steps(sentence, names.saved, drawn=drawn, accept_unread=accept_unread)
     method = None
     if not all(map(is_exact, steps)):
         generator = generator or torch.Generator().manual_seed(0)
