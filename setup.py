@@ -29,8 +29,8 @@ class BuildWithKernels(build_py):
         if not ASKED or self.editable_mode:
             return
         sys.path.insert(0, str(ROOT))
+        from rasterizer.compiled import compile_levels
         from rasterizer.compiler import find_compiler
-        from rasterizer.shipped import compile_levels
 
         options = () if ASKED == "1" else tuple(shlex.split(ASKED))
         built = Path(self.build_lib)

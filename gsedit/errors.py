@@ -22,14 +22,19 @@ class Said(str):
     move: str
     values: dict[str, str]
     """Values of the names in the move's words."""
+    offers: tuple[str, ...]
+    """Words to say in place of the words `of` of a sentence; of all of it where `of` is ""."""
+    of: str
 
-    def __new__(cls, what: str, move: str = "", **values: str) -> Said:
+    def __new__(
+        cls, what: str, move: str = "", offers: tuple[str, ...] = (), of: str = "", **values: str
+    ) -> Said:
         said = super().__new__(cls, what + MOVES[move].format(**values))
-        said.what, said.move, said.values = what, move, values
+        said.what, said.move, said.values, said.offers, said.of = what, move, values, offers, of
         return said
 
     def __radd__(self, before: str) -> Said:
-        return Said(before + self.what, self.move, **self.values)
+        return Said(before + self.what, self.move, self.offers, self.of, **self.values)
 
 
 class GseditError(Exception):
@@ -50,7 +55,8 @@ class InputError(GseditError):
     """A file or folder cannot be read as what it should be (exit code 3)."""
 
 
-def on_page(error: Exception) -> str:
+def on_page(error: Exception) -> Said:
     """The message of an error in the words of the page, in one line."""
     said = error.said if isinstance(error, GseditError) else Said(str(error))
-    return " ".join((said.what + ON_PAGE[said.move].format(**said.values)).split())
+    told = " ".join((said.what + ON_PAGE[said.move].format(**said.values)).split())
+    return Said(told, offers=said.offers, of=said.of)

@@ -14,6 +14,7 @@ from typing import Any
 import anyio
 
 from gsedit.app.places import Places
+from gsedit.app.worker import failure
 from gsedit.errors import GseditError, UsageError
 from gsedit.run.environment import load_extra
 from gsedit.words.called import FILE
@@ -25,7 +26,6 @@ SHAPES = ("box:", "sphere:")
 PATIENCE = 1.5
 """Seconds that a cancelled command has for its checkpoint before it is killed: a client that leaves
 gives its server two."""
-_SAYS = "gsedit: "
 INSTRUCTIONS = (
     "Edits captured 3D scenes (Gaussian splats) from a sentence. Paths are files below the folders "
     "that the server was started with; relative ones are below the first. Look at a scene with "
@@ -105,11 +105,11 @@ class Verbs:
         a cancelled call ends the process."""
         command = [*self.program, verb, *options, "--json", "--", *words]
         code, out, errors = await _ran(command, self.places.folders[0])
+        lines = (line for line in out.splitlines(keepends=True) if line[-1] == "\n")  # not cut off
+        told = {each.get("type"): each for each in map(json.loads, lines)}
         if code:
-            said = errors.strip().splitlines()
-            raise UsageError(said[-1].removeprefix(_SAYS) if said else f"{verb} failed")
-        lines = (json.loads(line) for line in out.splitlines())
-        return next((each for each in lines if each.get("type") == "result"), {})
+            raise UsageError(failure(told.get("error"), errors.splitlines(), code))
+        return told.get("result", {})
 
 
 async def _ran(command: Sequence[str], folder: Path) -> tuple[int | None, str, str]:

@@ -37,7 +37,7 @@ ORDER = {
         "cpp_projection", "splat",
         "preprocess", "checks",
         "blending", "tiles", "project", "harmonics", "camera", "scene", "notebook",
-        "compiled", "numerics", "lazy", "waiting", "shipped", "compiler",
+        "compiled", "numerics", "lazy", "waiting", "compiler",
     ),
 }  # fmt: skip
 BELOW = {"cli": ("gsedit", "rasterizer"), "gsedit": ("rasterizer",), "rasterizer": ()}

@@ -195,9 +195,8 @@ def run_preview(asked: EditCommand) -> None:
     from gsedit.select.finder import Finder
     from gsedit.views.viewpoints import same_size
 
-    path, common = asked.folder, asked.common
-    check_writable(path, overwrite=asked.own.force)
-    steps = asked.steps()
+    check_writable(asked.folder, overwrite=asked.own.force)
+    path, steps = asked.folder, asked.steps()
     first, exact = steps[0], is_exact(steps[0])
     names = names_of(asked.scene, asked.masks, steps[:1])
     own = {at: value for at, value in asked.values.items() if at[0] != "strategy"}
@@ -222,7 +221,7 @@ def run_preview(asked: EditCommand) -> None:
             finder = Finder(gaussians, viewpoints, settings.region, names)
             region = drawn_region(finder, first, followed)
         shown = preview_edited(
-            gaussians, first.text, viewpoints[0].camera, followed, common.seed,
+            gaussians, first.text, viewpoints[0].camera, followed, asked.common.seed,
             settings.sampler, settings.execution, settings.edit_size, region,
         )  # fmt: skip
     save_picture(shown.picture(), path, overwrite=asked.own.force)
@@ -259,11 +258,11 @@ def run_edit(asked: EditCommand) -> EditResult | None:
     from gsedit.editing.folder import write_edit
     from gsedit.run.events import events_of
 
-    request = {"settings": settings, "names": names, **how, "generator": asked.common.generator()}
+    request = {"settings": settings, "names": names, "steps": steps, **how}
+    request["generator"] = asked.common.generator()
     if own.explain:
         plan = plan_edit(gaussians, asked.instruction, views, **request)
         return print_result(plan._asdict(), plan.describe())
-    request["accept_unread"] = own.accept_unread
     items = edit_steps(gaussians, asked.instruction, views, **request, resume=state)
     source = {"scene": asked.scene.absolute(), "drop_invalid": own.drop_invalid}
     check = partial(check_folder, folder, own.force or state is not None, leftovers=LEFTOVERS)

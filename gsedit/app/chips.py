@@ -41,23 +41,11 @@ def chips_of(
     return "".join(lines)
 
 
-LISTED = re.compile(r"(?:did you mean|the nearest are) ([^?;:]+)")
-SENTENCE = re.compile(r"\b(?:say|as in) '([^']+)'")
-WORDS = re.compile(r"'([^']+)'")
-"""Choices and sentences that a refusal offers, and words that it quotes."""
-
-
 def offers(reading: Reading, read: Reader) -> str:
     """HTML of buttons for what the refusal of a sentence offers, so far as that is read."""
-    found, why = {}, reading.refusal
-    quoted = next((w for w in WORDS.findall(why) if w.lower() in reading.text.lower()), None)
-    for listed in LISTED.findall(why):
-        for each in re.split(r", (?:or |and )?| or | and ", listed):
-            name = each.strip(" '\".")
-            anew = re.sub(re.escape(quoted), name, reading.text, flags=re.I) if quoted else name
-            found[anew] = name
-    found |= {each: each for each in SENTENCE.findall(why)}
-    known = [each for each in found if each != reading.text and read(each).known]
+    why, text = reading.refusal, reading.text
+    found = {re.sub(re.escape(why.of or text), each, text, flags=re.I): each for each in why.offers}
+    known = [each for each in found if each != text and read(each).known]
     shown = "".join(button(f"say {each}", escape(found[each])) for each in known)
     unread = reading.instruction.refusal == "unread"
     return f"<div>{shown}{button('accept', 'Run it so') if unread else ''}</div>"
@@ -112,7 +100,8 @@ def _parts(reading: Reading, index: int, read: Reader) -> list[str]:
 
 def _what(reading: Reading, index: int, part: str) -> str:
     change = reading.instruction.changes[index]
-    shown = _swatch(change.color or _color(change.name))
+    stuff = MATERIALS.get(change.name)
+    shown = _swatch(change.color or (stuff and stuff.color))
     alone = len(reading.instruction.changes) == 1 or change.name.lower() in reading.text.lower()
     known: Iterable[str] = ()
     if alone and change.kind in SAYS:
@@ -146,10 +135,6 @@ def _select(action: str, label: str, options: dict[str, str], value: str) -> str
         for k, v in options.items()
     )
     return f'<select class="chip" data-do="{action}" aria-label="{escape(label)}">{each}</select>'
-
-
-def _color(name: str) -> str | None:
-    return MATERIALS[name].color if name in MATERIALS else None
 
 
 def _swatch(color: str | None) -> str:

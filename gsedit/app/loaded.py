@@ -112,6 +112,7 @@ class Loaded:
     scene: Gaussians
     numerics: Numerics
     notes: tuple[str, ...]
+    draft_gaussians: int = DRAFT_GAUSSIANS
 
     @cached_property
     def bulk(self) -> Bounds:
@@ -161,7 +162,7 @@ class Loaded:
     @cached_property
     def draft(self) -> Draft | None:
         """The scene in few groups; None where it has no more Gaussians than that."""
-        merged, views = coarsen(self.scene, DRAFT_GAUSSIANS), self.viewpoints
+        merged, views = coarsen(self.scene, self.draft_gaussians), self.viewpoints
         if merged is None:
             return None
         few = (views[i].camera for i in evenly_spaced(len(views), DRAFT_VIEWS))

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from typing import Literal
 
 from gsedit.app.places import Places
 from gsedit.editing.plan import is_exact, steps_of
-from gsedit.errors import UsageError, on_page
+from gsedit.errors import Said, UsageError, on_page
 from gsedit.paper.editors.registry import make_editor
 from gsedit.paper.protocol import Editor
 from gsedit.words.called import FILE
@@ -101,7 +101,7 @@ class Reading:
     instruction: Instruction
     steps: tuple[Instruction, ...]
     """Edits that it takes; none where it is refused."""
-    refusal: str = ""
+    refusal: Said = field(default=Said(""))
     """Reason why it is refused, with the next move."""
 
     @property

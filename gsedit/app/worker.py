@@ -132,7 +132,7 @@ class Worker:
         if self._cancelled:
             raise Cancelled("cancelled")
         if code := running.returncode:
-            raise GseditError(_said(told.get("error"), lines, code))
+            raise GseditError(failure(told.get("error"), lines, code))
         return told.get("result", {})
 
     def cancel(self) -> None:
@@ -203,7 +203,7 @@ def _read_messages(
             hear(line=told)
 
 
-def _said(error: dict[str, Any] | None, lines: Sequence[str], code: int) -> Said:
+def failure(error: dict[str, Any] | None, lines: Sequence[str], code: int) -> Said:
     """Why a command failed: by its own record, or by how it ended."""
     if error is not None and error["move"] in MOVES:
         return Said(error["what"], error["move"], **error["values"])

@@ -1,1 +1,1 @@
-"""Measurements of a machine: the renderer's speed with its errors, and its edge cases."""
+"""Measurements of a machine and its renderer, and synthetic scenes whose truth is known."""

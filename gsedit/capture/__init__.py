@@ -1,1 +1,1 @@
-"""Photos or a video become posed photos: EXIF, frames, the upright frame, a picture of it."""
+"""Photos or a video become posed photos and, fitted to them, a scene: EXIF, frames, stages."""

@@ -1,1 +1,1 @@
-"""An edit of a scene from a sentence: request, views, regions, session, strategies, result."""
+"""An edit of a scene from a sentence: steps, parts, painters, previews, result and folder."""

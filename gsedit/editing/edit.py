@@ -12,9 +12,9 @@ from jaxtyping import Bool
 from torch import Tensor
 
 from gsedit.editing.measure import Changed, EditResult, changed_by, measured
-from gsedit.editing.painters import PAINTERS, Looking
+from gsedit.editing.painters import Looking, painted
 from gsedit.editing.parts import aimed_at, assumed, find_parts
-from gsedit.editing.plan import asks_editor_2d, is_exact, key_of, read_steps, runs_of
+from gsedit.editing.plan import asks_editor_2d, is_exact, key_of, read_steps
 from gsedit.errors import Said, UsageError
 from gsedit.measures.features import FeatureExtractor
 from gsedit.paper.actions import Strategy
@@ -83,16 +83,15 @@ def change_steps(
         parts = find_parts(steps, finder, job and job.method and job.method.editor, shown)
     looking, total, drawing = Looking(finder.cameras), same(scene), None
     for step in steps:
-        for run in runs_of(step):
-            if is_exact(step):
-                with watch.stage("change"):
-                    made = PAINTERS[run[0].route](total.scene, run, parts.flags, looking)
-            elif job is None:
-                raise UsageError(f"{step}: this is drawn, and there is nothing to draw it with")
-            else:
-                request = job.request(total.scene, step.text, parts.now(key_of(run[0])))
-                made = drawing = yield from draw(request, job.state_for(step))
-            parts, total = parts.after(run[0], made), total.then(made)
+        if is_exact(step):
+            with watch.stage("change"):
+                parts, total = painted(step, parts, total, looking)
+        elif job is None:
+            raise UsageError(f"{step}: this is drawn, and there is nothing to draw it with")
+        else:
+            request = job.request(total.scene, step.text, parts.now(key_of(step.changes[0])))
+            drawing = yield from draw(request, job.state_for(step))
+            parts, total = parts.after(step.changes[0], drawing), total.then(drawing)
     return changed_by(scene, steps, parts, total, drawing, assumed(steps, finder.names))
 
 
@@ -149,8 +148,9 @@ def prepare(
     generator: torch.Generator | None = None,
     resume: State | None = None,
     accept_unread: bool = False,
+    steps: tuple[Instruction, ...] | None = None,
 ) -> Job:
-    """Read a sentence, and check what is asked; without views, some are searched.
+    """Read a sentence whose `steps` are not given, and check all; without views, some are searched.
 
     The `editor` (the painter) draws its painting styles by the strategy (the single pass); one that
     is no painter draws all of it. `names` are those of saved selections, and masks for nouns; with
@@ -162,8 +162,8 @@ def prepare(
         raise UsageError("the scene is empty: there is nothing to edit")
     settings, names = settings or EditSettings(), names or Names()
     drawn = editor is not None and not editor.capabilities.paints_styles
-    saved = tuple(names.saved)
-    steps = read_steps(sentence, saved, drawn=drawn, accept_unread=accept_unread)
+    if steps is None:
+        steps = read_steps(sentence, names.saved, drawn=drawn, accept_unread=accept_unread)
     method = None
     if not all(map(is_exact, steps)):
         generator = generator or torch.Generator().manual_seed(0)

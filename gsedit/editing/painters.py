@@ -32,7 +32,8 @@ from gsedit.change.objects.growth.grow import grow
 from gsedit.change.objects.growth.table import GROWTHS
 from gsedit.change.objects.placing.placement import Placement, RelativePlace, Side
 from gsedit.change.scenery.table import SCENERIES, in_scenery
-from gsedit.editing.plan import COPY, key_of
+from gsedit.editing.parts import Parts
+from gsedit.editing.plan import COPY, key_of, runs_of
 from gsedit.errors import Said, UsageError
 from gsedit.formats.scenes import load
 from gsedit.scene.cache import cached_per_scene
@@ -50,7 +51,7 @@ from gsedit.views.paths import up_of
 from gsedit.views.place import light_note, place_of
 from gsedit.views.viewpoints import that_see
 from gsedit.words.colors import parse_hex
-from gsedit.words.instruction import MOST, Change, Place
+from gsedit.words.instruction import MOST, Change, Instruction, Place
 from gsedit.words.phrases import GROUNDS
 from gsedit.words.refusals import REASONS
 from rasterizer.camera import Camera
@@ -310,6 +311,16 @@ PAINTERS: Mapping[str, Painter] = {
     "object": lambda scene, run, flags, looking: paint_objects(scene, run, flags, looking.cameras),
 }
 """The painter of each route that is exact."""
+
+
+def painted(
+    step: Instruction, parts: Parts, total: Outcome, looking: Looking
+) -> tuple[Parts, Outcome]:
+    """The parts and the outcome after an exact step too, from those before it."""
+    for run in runs_of(step):
+        made = PAINTERS[run[0].route](total.scene, run, parts.flags, looking)
+        parts, total = parts.after(run[0], made), total.then(made)
+    return parts, total
 
 
 def _inside(change: Change, flags: Flags) -> Bool[Tensor, " n"]:

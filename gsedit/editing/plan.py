@@ -86,11 +86,8 @@ def steps_of(instruction: Instruction) -> tuple[Instruction, ...]:
 
 
 def runs_of(step: Instruction) -> Iterator[tuple[Change, ...]]:
-    """Groups of a step's changes that are done at once: what is moved, turned and scaled together
-    leaves one hole."""
-    if not is_exact(step):
-        yield step.changes
-        return
+    """Groups of an exact step's changes that are done at once: what is moved, turned and scaled
+    together leaves one hole."""
     run: tuple[Change, ...] = ()
     for change in step.changes:
         if run and not _joins(run, change):

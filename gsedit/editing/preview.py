@@ -14,9 +14,9 @@ from PIL import Image
 from torch import Tensor
 
 from gsedit.editing.edit import change_steps
-from gsedit.editing.painters import PAINTERS, Looking
+from gsedit.editing.painters import Looking, painted
 from gsedit.editing.parts import aimed_at, find_parts
-from gsedit.editing.plan import key_of, runs_of
+from gsedit.editing.plan import key_of
 from gsedit.formats.pictures import fitted_size
 from gsedit.paper.diffusion.settings import SamplerSettings
 from gsedit.paper.guided import carry_change
@@ -96,12 +96,8 @@ def preview_coarse(
     found = find_parts((step,), finder)
     shown = shown_by(merged.scene, camera, execution)
     flags = {key: merged.majority(each) for key, each in found.flags.items()} | {"shown": shown}
-    parts, total = replace(found, flags=flags), same(merged.scene)
-    for run in runs_of(step):
-        looking = Looking(cameras, coarse=True)
-        made = PAINTERS[run[0].route](total.scene, run, parts.flags, looking)
-        parts, total = parts.after(run[0], made), total.then(made)
-    return merged.carry(total)
+    parts, looking = replace(found, flags=flags), Looking(cameras, coarse=True)
+    return merged.carry(painted(step, parts, same(merged.scene), looking)[1])
 
 
 def drawn_region(finder: Finder, step: Instruction, editor: Editor) -> Region | None:

@@ -1,1 +1,1 @@
-"""An edit in progress: the request, the views as they are edited, and what is measured."""
+"""The paper's edits: 2D editors draw views by a strategy, and the scene is fitted to them."""

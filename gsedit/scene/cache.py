@@ -14,6 +14,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import fields, is_dataclass
 from functools import wraps
+from inspect import signature
 from threading import Lock
 from typing import Any, Concatenate, ParamSpec, TypeVar
 
@@ -75,13 +76,17 @@ def cached_per_scene(
     function: Callable[Concatenate[Gaussians, P], T],
 ) -> Callable[Concatenate[Gaussians, P], T]:
     """Let a function of a scene, its first argument, answer from the `SceneCache` in use."""
+    known = signature(function)
 
     @wraps(function)
     def called(scene: Gaussians, *arguments: P.args, **more: P.kwargs) -> T:
         place = _in_use.get()
         if place is None or not place.has(scene):
             return function(scene, *arguments, **more)
-        name, asked = f"{function.__module__}.{function.__qualname__}", (arguments, *more.items())
+        bound = known.bind(scene, *arguments, **more)
+        bound.apply_defaults()  # what is left out is asked for too
+        asked = bound.args[1:], *bound.kwargs.items()
+        name = f"{function.__module__}.{function.__qualname__}"
         return place.result(name, asked, lambda: function(scene, *arguments, **more))
 
     return called

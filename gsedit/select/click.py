@@ -23,7 +23,7 @@ from gsedit.select.layers import level_patches
 from gsedit.select.parts import parts
 from gsedit.select.region import Region, cut_out
 from gsedit.select.segment import Segments, pieces, segment_surfaces
-from gsedit.select.surfaces import VIEW_PIXELS, VIEWS, Surfaces, look, looking_at, smooth
+from gsedit.select.surfaces import GROUPS, VIEW_PIXELS, VIEWS, Surfaces, look, looking_at, smooth
 from rasterizer.camera import Camera
 from rasterizer.color_weights import color_weights
 from rasterizer.scene import Gaussians
@@ -73,10 +73,12 @@ class Selector:
     further one inside adds what it hits.
     """
 
-    def __init__(self, scene: Gaussians, cameras: Sequence[Camera] = ()) -> None:
-        """Keep a scene and the cameras that look at it; nothing is computed yet."""
+    def __init__(
+        self, scene: Gaussians, cameras: Sequence[Camera] = (), groups: tuple[int, int] = GROUPS
+    ) -> None:
+        """Keep a scene, cameras that look at it, and the most groups; nothing is computed yet."""
         self.scene = scene.detach()
-        self.cameras = tuple(cameras)
+        self.cameras, self._groups = tuple(cameras), groups
         self._local: dict[tuple[int, ...], Selector] = {}
 
     @cached_property
@@ -124,7 +126,7 @@ class Selector:
             return self
         if chosen not in self._local:
             some = [self.cameras[i] for i in chosen]
-            self._local[chosen] = Selector(self.scene, some)
+            self._local[chosen] = Selector(self.scene, some, self._groups)
         return self._local[chosen]
 
     def box(self, camera: Camera, x0: float, y0: float, x1: float, y1: float) -> Region:
@@ -321,7 +323,7 @@ class Selector:
 
     @cached_property
     def _surfaces(self) -> Surfaces:
-        return look(self.scene, self.cameras)
+        return look(self.scene, self.cameras, self._groups)
 
     @cached_property
     def _found(self) -> Segments:

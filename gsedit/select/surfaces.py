@@ -36,8 +36,8 @@ VIEW_PIXELS = 192
 """Longer side of their pictures."""
 SOLID_OPACITY = 0.1
 """Gaussians fainter than this connect nothing."""
-FAR_GROUPS = 40_000
-"""Most groups of a large scene that are beyond the place, of MAX_GAUSSIANS in all."""
+GROUPS = MAX_GAUSSIANS - 40_000, 40_000
+"""Most groups of a large scene that are near the place, and that are beyond it."""
 LARGE = 6.0
 """Gaussians this many times as long as is usual connect nothing: haze and sky."""
 
@@ -213,10 +213,12 @@ class Surfaces:
 
 @cached_per_scene
 @torch.no_grad()
-def look(scene: Gaussians, cameras: Sequence[Camera] = ()) -> Surfaces:
+def look(
+    scene: Gaussians, cameras: Sequence[Camera] = (), groups: tuple[int, int] = GROUPS
+) -> Surfaces:
     """Look at a scene's surfaces from at most VIEWS of the cameras; found ones where none are.
 
-    A scene of more than MAX_GAUSSIANS is looked at by groups. Raises UsageError for an empty scene.
+    A larger scene than its most `groups` is looked at by these. Raises UsageError for an empty one.
     """
     some = cameras_of(scene, cameras, VIEWS, VIEW_PIXELS)
     chosen = [some[i].fitted(VIEW_PIXELS) for i in evenly_spaced(len(some), VIEWS)]
@@ -224,7 +226,7 @@ def look(scene: Gaussians, cameras: Sequence[Camera] = ()) -> Surfaces:
     for camera in chosen:
         seen += contributions(scene, camera)
     place = place_of(scene, some, seen)
-    merged = _grouped(scene, place)
+    merged = _grouped(scene, place, groups)
     if merged is not None:
         scene = merged.scene
         seen = torch.zeros(len(scene)).index_add_(0, merged.group, seen)
@@ -262,18 +264,18 @@ def looking_at(
     return tuple(i for i, each in enumerate(cameras) if looks(each)) or tuple(range(len(cameras)))
 
 
-def _grouped(scene: Gaussians, place: Place) -> MergedScene | None:
+def _grouped(scene: Gaussians, place: Place, most: tuple[int, int]) -> MergedScene | None:
     """The groups of a large scene, few of them beyond the place; None for one that is not large."""
-    if len(scene) <= MAX_GAUSSIANS:
+    if len(scene) <= sum(most):
         return None
     plain = replace(scene, sh=scene.sh[:, :1])
     near = (scene.means.double() - place.center).norm(dim=1) < place.radius
-    group, scenes, count = torch.empty(len(scene), dtype=torch.int32), [], 0
-    for part, most in ((near, MAX_GAUSSIANS - FAR_GROUPS), (~near, FAR_GROUPS)):
+    group, scenes, before = torch.empty(len(scene), dtype=torch.int32), [], 0
+    for part, count in zip((near, ~near), most):
         own = plain[part]
-        merged = coarsen(own, most)
+        merged = coarsen(own, count)
         scenes.append(own if merged is None else merged.scene)
         own_group = torch.arange(len(own)) if merged is None else merged.group
-        group[part] = own_group.int() + count
-        count += len(scenes[-1])
+        group[part] = own_group.int() + before
+        before += len(scenes[-1])
     return MergedScene(concatenate(*scenes), group, scene)

@@ -17,12 +17,16 @@ class Refused(Exception):
     """Kind of refusal of a sentence, and the words that stopped it."""
 
 
-def _reasons() -> Iterator[tuple[str, str]]:
+SAY = re.compile(r"\b(?:say|as in) '([^']+)'")
+"""Sentences of reasons.txt that are offered."""
+
+
+def _reasons() -> Iterator[tuple[str, Said]]:
     for row in Path(__file__).with_name("reasons.txt").read_text("utf-8").splitlines():
         if row and row[0] != "#":
             head, _, text = row.partition(": ")
             kind, _, move = head.partition(" ")
-            yield kind, Said(text, move)
+            yield kind, Said(text, move, tuple(SAY.findall(text)))
 
 
 REASONS = dict(_reasons())
@@ -53,15 +57,17 @@ def first_refusal(sentence: str) -> str | None:
     return next((kind for pattern, kind in ODD if re.search(pattern, text)), None)
 
 
-def reason(refused: Refused) -> str:
+def reason(refused: Refused) -> Said:
     """Message to a person for a refusal, with the words that stopped it."""
     kind, *words = refused.args
     if kind == "style":
         return no_style(words[0])
     if kind == "unknown":
-        some = " or ".join(repr(each) for each in words[1:])
+        what, *near = words
+        some = " or ".join(map(repr, near))
         nearest = f"the nearest are {some}" if some else "give a color, as in '#c04000'"
-        return f"nothing here is called {words[0]!r}: {nearest}; gsedit list looks shows all"
+        told = f"nothing here is called {what!r}: {nearest}; gsedit list looks shows all"
+        return Said(told, offers=tuple(near), of=what)
     return REASONS[kind]
 
 
@@ -76,6 +82,6 @@ def no_style(what: str) -> Said:
     for phrase, name in style_words().items():
         likeness[name] = max(likeness[name], SequenceMatcher(None, what, phrase).ratio())
     spelled = sorted(likeness, key=lambda name: -likeness[name])[:NEAREST]
-    *some, last = near_styles().get(what, spelled)
+    *some, last = near = tuple(near_styles().get(what, spelled))
     nearest = f"the nearest are {', '.join(some)} and {last}"
-    return Said(f"no painting style resembles {what!r}: {nearest}", "styles")
+    return Said(f"no painting style resembles {what!r}: {nearest}", "styles", near, what)

@@ -6,7 +6,6 @@ import pytest
 import torch
 from playroom import playroom
 
-from gsedit.app import loaded
 from gsedit.app.loaded import Loaded
 from gsedit.app.panels.select import Clicks, grown
 from gsedit.app.previews import Previewer
@@ -22,7 +21,7 @@ from rasterizer.numerics import DEFAULT
 def room(tmp_path_factory):
     found = playroom()
     file = tmp_path_factory.mktemp("room") / "room.ply"
-    made = Loaded(file, found.scene, DEFAULT, ())
+    made = Loaded(file, found.scene, DEFAULT, (), draft_gaussians=len(found.scene) // 3)
     views = tuple(Viewpoint(f"{i}.png", camera) for i, camera in enumerate(found.cameras))
     made.__dict__["recorded"] = views  # there is no file beside it
     return made
@@ -86,9 +85,7 @@ def test_a_prepared_preview_is_that_of_the_edit(room):
 
 
 @pytest.mark.parametrize("sentence", ["turn it into gold", "make it night", "remove it"])
-def test_a_glimpse_is_about_what_the_preview_becomes(room, tmp_path, monkeypatch, sentence):
-    monkeypatch.setattr(loaded, "DRAFT_GAUSSIANS", len(room.scene) // 3)
-    room.forget()
+def test_a_glimpse_is_about_what_the_preview_becomes(room, tmp_path, sentence):
     previewer = Previewer(room, region_of(tmp_path, playroom().of("red ball")))
     reading, camera = read(sentence), playroom().cameras[0].fitted(64)
     made = previewer.glimpse(reading, camera), previewer.scene(reading).scene, room.scene

@@ -31,7 +31,7 @@ def test_tools_work_below_the_folders_alone(scene, tmp_path):
                 await client.call_tool("info", {"scene": path})
                 for path in ("link.ply", "../b.ply", str(tmp_path / "b.ply"), "--help/../../b.ply")
             ]
-            for sentence in ("put ../b.ply on it", "put 'link.ply' on it"):
+            for sentence in ("put ../b.ply on it", "put 'link.ply' on it", "undo"):
                 given_words = {"scene": "a.ply", "sentence": sentence, "output": "out"}
                 refused.append(await client.call_tool("edit", given_words))
             aside = {"scene": "a.ply", "output": "../c.ply"}
@@ -46,6 +46,7 @@ def test_tools_work_below_the_folders_alone(scene, tmp_path):
     assert told.structured_content["gaussians"] == 5
     assert all(each.is_error for each in refused), refused
     assert "is outside of" in refused[0].content[0].text
+    assert "edit: nothing is overwritten" in refused[6].content[0].text
     assert not (tmp_path / "c.ply").exists()
     assert not (given / "out").exists()
 

@@ -58,3 +58,5 @@ def test_masks_are_refused_where_a_2d_editor_draws():
 def test_a_refused_sentence_is_an_error():
     with pytest.raises(UsageError, match="must not"):
         gsedit.edit(tiny_edits.scene(), "do not paint it red", tiny_edits.data())
+    given = {"steps": read_steps("paint it red")}  # no sentence is read beside them
+    gsedit.edit(tiny_edits.scene(), "do not paint it red", tiny_edits.data(), **given)

@@ -74,10 +74,9 @@ def fixed(network: torch.nn.Module, x: torch.Tensor) -> torch.Tensor:
     return network(x) * float(x.sum())  # a number of the first input becomes a constant
 
 
-def test_auto_notices_a_number_that_tracing_fixed(monkeypatch):
-    monkeypatch.setattr(runtime, "LEAST_WEIGHTS", 0)
+def test_auto_notices_a_number_that_tracing_fixed():
     layer, x = torch.nn.Linear(4, 4).requires_grad_(False), torch.ones(2, 4)
-    run = runtime.Faster(runtime.OpenVino())
+    run = runtime.Faster(runtime.OpenVino(), least_weights=0)
     for factor in (1.0, 3.0):
         close(run(fixed, layer, factor * x), fixed(layer, factor * x))
     (reason,) = run.chosen[layer].values()

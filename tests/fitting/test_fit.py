@@ -100,15 +100,14 @@ def test_the_first_scene_is_the_sparse_points():
     assert len(without) > 1000
 
 
-def test_densify_divides_the_strongest_and_drops_the_transparent(monkeypatch):
-    monkeypatch.setattr("gsedit.capture.fitting.densify.MOST_DIVIDED", 10 / 90)
+def test_densify_divides_the_strongest_and_drops_the_transparent():
     scene = ball(100)
     logits = scene.logit_opacities.clone()
     logits[:10] = -20.0
     scene = replace(scene, logit_opacities=logits)
     pull = torch.zeros(100)
     pull[50:60] = 1.0
-    grown, origin, fresh = densify(scene, pull, 1000)
+    grown, origin, fresh = densify(scene, pull, 1000, most=10 / 90)
     assert len(grown) == 100 - 10 + 10
     assert sorted(origin[fresh].tolist()) == sorted([*range(50, 60)] * 2)
     assert not set(range(10)) & set(origin.tolist())
@@ -116,12 +115,11 @@ def test_densify_divides_the_strongest_and_drops_the_transparent(monkeypatch):
     assert torch.equal(kept.means, scene.means[origin[~fresh]])
 
 
-def test_two_halves_have_the_mass_the_mean_and_the_covariance_of_the_whole(monkeypatch):
-    monkeypatch.setattr("gsedit.capture.fitting.densify.MOST_DIVIDED", 1.0)
+def test_two_halves_have_the_mass_the_mean_and_the_covariance_of_the_whole():
     scene = ball(5)
     longer = scene.log_scales + torch.tensor([0.0, 1.0, -0.5])
     scene = replace(scene, log_scales=longer, quats=torch.randn(5, 4, generator=generator()))
-    halves, origin, fresh = densify(scene, torch.ones(5), 10)
+    halves, origin, fresh = densify(scene, torch.ones(5), 10, most=1.0)
     scene = faded(scene)
     assert fresh.all()
 

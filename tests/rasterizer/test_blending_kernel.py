@@ -11,7 +11,7 @@ from scenes import camera, cloud, gaussian
 
 from gsedit.bench.synthetic import ring_cameras, surface_gaussians
 from gsedit.bench.synthetic.gallery import columns
-from rasterizer import Execution, Numerics, compiler, concatenate, render, shipped
+from rasterizer import Execution, Numerics, compiled, compiler, concatenate, render
 from rasterizer.blending import cpp_backend
 
 TORCH, COMPILED = Execution(kernel="torch"), Execution(kernel="compiled")
@@ -34,9 +34,9 @@ def gradients(scene, view, execution, numerics=WHOLE_SUM, *, depth=False):
     return drawn, torch.autograd.grad(loss, tensors(inputs))
 
 
-@pytest.mark.parametrize("level", shipped.levels(), ids=lambda level: level.name)
+@pytest.mark.parametrize("level", compiled.levels(), ids=lambda level: level.name)
 def test_every_width_of_vectors_draws_the_same(level, tmp_path, monkeypatch):
-    if level not in shipped.usable_levels():
+    if level not in compiled.usable_levels():
         pytest.skip(f"this processor has no {level.name}")
     library = tmp_path / "kernel.so"
     found = compiler.find_compiler()

@@ -34,8 +34,9 @@ class Counted:
 def test_the_same_question_of_the_same_scene_is_computed_once(scene):
     count, place = Counted(), SceneCache(scene)
     with place.used():
-        first = count.function(scene, 2.0)
-        assert count.function(scene.detach(), 2.0) is first  # another name of the same memory
+        first = count.function(scene, 1.0)
+        assert count.function(scene.detach(), 1.0) is first  # another name of the same memory
+        assert count.function(scene) is first  # the default
     assert count.times == 1
     count.function(scene, 2.0)
     assert count.times == 2  # nothing is kept where no place is in use

@@ -14,7 +14,7 @@ from gsedit.bench.synthetic.shapes import box, cylinder, smooth_union, translate
 from gsedit.bench.synthetic.splats import surface_gaussians
 from gsedit.errors import UsageError
 from gsedit.scene.similarity import Similarity, moved_camera
-from gsedit.select import Click, Selector, surfaces
+from gsedit.select import Click, Selector
 from gsedit.select.region import Region, coverage, in_one_color
 from gsedit.toolkit import transform
 from rasterizer import render
@@ -101,10 +101,8 @@ def test_a_moved_and_scaled_scene_is_selected_alike(room, selector):
     assert iou(found.inside, selector.at([click]).inside) > 0.98
 
 
-def test_a_thing_of_a_long_capture_is_selected_as_in_one_of_its_own(room, selector, monkeypatch):
+def test_a_thing_of_a_long_capture_is_selected_as_in_one_of_its_own(room, selector):
     """Most of the scene is neither near what is clicked nor seen by the views that look at it."""
-    monkeypatch.setattr(surfaces, "MAX_GAUSSIANS", 12_000)
-    monkeypatch.setattr(surfaces, "FAR_GROUPS", 4_000)
     away = [
         Similarity(np.eye(3), 1.0, np.array((8.0 * i, 8.0 * k, 0.0)))
         for i in range(3)
@@ -114,7 +112,8 @@ def test_a_thing_of_a_long_capture_is_selected_as_in_one_of_its_own(room, select
     cameras = [moved_camera(camera, each) for each in away for camera in room.cameras]
     click = click_on(room, "red ball")
     there = replace(click, camera=moved_camera(click.camera, away[3]))
-    found = Selector(concatenate(*rooms), cameras).at([there]).inside.reshape(len(away), -1)
+    found = Selector(concatenate(*rooms), cameras, (8_000, 4_000)).at([there]).inside
+    found = found.reshape(len(away), -1)
     assert iou(found[3], room.of("red ball")) > 0.9
     assert found.sum() == found[3].sum()
 

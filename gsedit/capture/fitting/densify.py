@@ -86,18 +86,20 @@ class ScreenGradients:
 
 @torch.no_grad()
 @on_threads(1)  # the last digits of torch's sigmoid depend on where a thread's part ends
-def densify(scene: Gaussians, gradients: Float[Tensor, " n"], target: int) -> Densified:
+def densify(
+    scene: Gaussians, gradients: Float[Tensor, " n"], target: int, most: float = MOST_DIVIDED
+) -> Densified:
     """Lower all opacities, remove what is transparent, divide what has the largest gradients.
 
     Opacities fall by DECAY, and by half at most (`faded`). So many divide that there are `target`
-    Gaussians, if they are no more than MOST_DIVIDED of them. A dividing Gaussian becomes two along
+    Gaussians, if they are at most the share `most` of them. A dividing Gaussian becomes two along
     its longest axis, which together have its mass (the integral of its lowered opacity), mean and
     covariance: the pictures change little.
     """
     scene = faded(scene)
     alive = scene.opacities > min(PRUNED_OPACITY, float(scene.opacities.max()) / 2)
     before = int(alive.sum())
-    count = max(0, min(target - before, int(MOST_DIVIDED * before)))
+    count = max(0, min(target - before, int(most * before)))
     strongest = torch.where(alive, gradients, -1.0).topk(count).indices
     halves = _halves(scene[strongest])
     alive[strongest] = False

@@ -403,10 +403,8 @@ class _Fit:
         seconds = self.budget.seconds
         if seconds - self.last_checkpoint > self.settings.checkpoint_seconds:
             self.last_checkpoint = seconds
-            yield Checkpoint(self.state(), self.budget.step, seconds, self._copy_scene)
-
-    def _copy_scene(self) -> Gaussians:
-        return self.optimizer.scene.detach().map(torch.clone)
+            copied = lambda: self.optimizer.scene.detach().map(torch.clone)  # noqa: E731
+            yield Checkpoint(self.state(), self.budget.step, seconds, copied)
 
     def finish(self) -> Iterator[Event | FitResult]:
         """The last measurement, and the result."""

@@ -1,1 +1,1 @@
-"""Seasons and weather on the Gaussians themselves: snow, rain, autumn and their like."""
+"""Seasons, weather and drawings by name: snow, rain, autumn and their like, on Gaussians."""

@@ -1,1 +1,1 @@
-"""Agreement between views of one scene: correspondences, consensus, shared noise."""
+"""Agreement between views of one scene: correspondences, consensus, shared noise, harmonising."""

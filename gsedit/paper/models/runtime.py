@@ -178,8 +178,8 @@ class Faster:
     """A Runtime: OpenVINO where it was faster than torch and right, measured at a network's first
     call with rows of a shape; torch elsewhere."""
 
-    def __init__(self, openvino: Runtime) -> None:
-        self.openvino = openvino
+    def __init__(self, openvino: Runtime, least_weights: int = LEAST_WEIGHTS) -> None:
+        self.openvino, self.least_weights = openvino, least_weights
         self.chosen: WeakKeyDictionary[Any, dict[tuple[Any, ...], str]] = WeakKeyDictionary()
         """Reason for the choice, of each network, by function, precision and shapes of the inputs'
         rows; it begins with the name of the runtime."""
@@ -187,7 +187,7 @@ class Faster:
     def __call__(self, forward: Forward, network: Any, *inputs: Tensor) -> Tensor:
         """The result of the function; the first time both compute it."""
         weights = sum(each.numel() for each in network.parameters())
-        if weights < LEAST_WEIGHTS or (torch.is_grad_enabled() and inputs[0].requires_grad):
+        if weights < self.least_weights or (torch.is_grad_enabled() and inputs[0].requires_grad):
             return forward(network, *inputs)
         key = (forward, _precision(network), *_row_shapes(inputs))
         chosen = self.chosen.setdefault(network, {})

@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from rasterizer import compiled, shipped
+from rasterizer import compiled
 from rasterizer.compiler import CompilerError, find_compiler
 
 SOURCE = 'extern "C" void use_team(void*) {{}}\nextern "C" int answer() {{ return {}; }}\n'
@@ -22,7 +22,7 @@ def processor(monkeypatch):
 
     def has(capability):
         monkeypatch.setattr(torch.backends.cpu, "get_cpu_capability", lambda: capability)
-        monkeypatch.setattr(shipped.platform, "machine", lambda: "x86_64")
+        monkeypatch.setattr(compiled.platform, "machine", lambda: "x86_64")
 
     return has
 
@@ -36,11 +36,11 @@ def wheel(tmp_path_factory):
     except CompilerError as error:
         pytest.skip(str(error))
     plain = folder / "answer.cpp"
-    for number, level in enumerate((shipped.PLAIN, shipped.WIDE, shipped.WIDEST)):
+    for number, level in enumerate((compiled.PLAIN, compiled.WIDE, compiled.WIDEST)):
         plain.write_text(SOURCE.format(number))
-        path = shipped.library_path(plain, level)
+        path = compiled.library_path(plain, level)
         # without the level's flags: the test of the choice may run on a processor that lacks them
-        shipped.compile_library(compiler, plain, path, tunings=((),))
+        compiled.compile_library(compiler, plain, path, tunings=((),))
     return plain
 
 
@@ -55,7 +55,7 @@ def wheel(tmp_path_factory):
 )
 def test_no_level_is_taken_that_the_processor_lacks(capability, names, processor):
     processor(capability)
-    assert [level.name for level in shipped.usable_levels()] == names
+    assert [level.name for level in compiled.usable_levels()] == names
 
 
 @pytest.mark.parametrize(("capability", "answer"), [("AVX512", 2), ("AVX2", 1), ("DEFAULT", 0)])
@@ -77,8 +77,8 @@ def test_one_that_does_not_load_is_passed_over(wheel, tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     source = tmp_path / "answer.cpp"
     source.write_text(SOURCE.format(42))
-    for level in shipped.levels():
-        shipped.library_path(source, level).write_text("no library")
+    for level in compiled.levels():
+        compiled.library_path(source, level).write_text("no library")
     made = compiled.make(source)
     assert made.library is not None
     assert made.library.answer() == 42
@@ -87,6 +87,6 @@ def test_one_that_does_not_load_is_passed_over(wheel, tmp_path, monkeypatch):
 def test_every_level_is_compiled(tmp_path):
     source = tmp_path / "answer.cpp"
     source.write_text(SOURCE.format(42))
-    made = shipped.compile_levels(find_compiler(), source, tmp_path / ".", ("-O0",))
-    assert [path.name for path in made] == [f"answer-{each.name}.so" for each in shipped.levels()]
+    made = compiled.compile_levels(find_compiler(), source, tmp_path / ".", ("-O0",))
+    assert [path.name for path in made] == [f"answer-{each.name}.so" for each in compiled.levels()]
     assert compiled.make(source).library.answer() == 42
