@@ -37,7 +37,7 @@ ORDER = {
         "cpp_projection", "splat",
         "preprocess", "checks",
         "blending", "tiles", "project", "harmonics", "camera", "scene", "notebook",
-        "compiled", "numerics", "lazy", "waiting", "compiler",
+        "compiled", "numerics", "lazy", "compiler",
     ),
 }  # fmt: skip
 BELOW = {"cli": ("gsedit", "rasterizer"), "gsedit": ("rasterizer",), "rasterizer": ()}

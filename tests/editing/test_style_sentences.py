@@ -10,6 +10,7 @@ from gsedit.editing.plan import read_steps, steps_of
 from gsedit.editing.preview import drawn_region, preview_edited
 from gsedit.errors import UsageError
 from gsedit.paper.editors import make_editor
+from gsedit.paper.editors.painter.editor import styles_asked
 from gsedit.paper.settings import EditSettings
 from gsedit.paper.strategies.single_pass import SinglePass
 from gsedit.scene.picture import render_picture
@@ -19,7 +20,6 @@ from gsedit.views.viewpoints import viewpoints_of
 from gsedit.words.direct import LIKE
 from gsedit.words.lexicon import styles
 from gsedit.words.read import read_instruction
-from gsedit.words.styles import styles_asked
 
 PARTS = ("the whole scene", "the subject", "the background", "the red one", "all but the red chair")
 

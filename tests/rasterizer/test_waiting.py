@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from rasterizer import waiting
+import rasterizer as waiting
 
 
 @pytest.fixture(autouse=True)

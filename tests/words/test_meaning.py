@@ -25,7 +25,7 @@ def asked(deed: str, **given) -> Asked:
 
 
 def meant(*changes: Asked, text: str = "", kept: tuple[str, ...] = ()) -> list[Change]:
-    return changes_of(Marked(text, changes, kept, 0.0, 0.0, 0.0, ()))
+    return changes_of(Marked(text, changes, kept, 0.0, 0.0, 0.0))
 
 
 @pytest.mark.parametrize(

@@ -204,8 +204,6 @@ class Marked:
     """Probability of a change after the last one, which is not told."""
     kept_more: float
     """Largest probability that a word begins what stays, of those that are not told to."""
-    spans: tuple[tuple[int, int], ...]
-    """First letter and end of all that is marked."""
 
 
 def phrase(text: str) -> str:
@@ -234,7 +232,7 @@ def told(cut: Pieces, scores: Mapping, values: tuple[str, ...]) -> Marked:
     letters = tuple((cut.words[a][0], cut.words[b][1]) for a, b in spans)
     refused = float(chances["refused"][1])
     asked, more = _counted(cut.text, asked, letters, more)
-    return Marked(cut.text, tuple(asked), phrases, refused, more, unsure, letters)
+    return Marked(cut.text, tuple(asked), phrases, refused, more, unsure)
 
 
 NUMBER = re.compile(
