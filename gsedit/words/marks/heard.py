@@ -49,12 +49,6 @@ TOLD_OF = re.compile(
     re.IGNORECASE,
 )
 """A sentence that only tells of a request."""
-TAKEN = re.compile(
-    r"\b(?:not?|never|without|neither|nor|less|fewer|stop|off|undo|avoid|except|un-?\w+|"
-    r"any(?:thing)? (?:but|other|else))\b|n't\b",
-    re.IGNORECASE,
-)
-"""Words that deny, or take away what no route takes away."""
 INSTEAD = re.compile(
     r"\b(?:but|instead|rather)\b|[,;.:!?]\s*(?:and )?(?:just|only|make|paint|turn|it should|the)\b",
     re.IGNORECASE,
@@ -150,8 +144,7 @@ def heard(text: str, files: Sequence[str] = ()) -> tuple[tuple[Change, ...], boo
     if denied(said):
         raise Refused("negation")
     if said.refused > REFUSED or not said.asked:
-        asks = "question" if text.rstrip().endswith("?") else "nonsense"
-        raise Refused("negation" if TAKEN.search(text) else asks)
+        raise Refused("question" if text.rstrip().endswith("?") else "nonsense")
     changes = tuple(changes_of(said, files))
     if not said.kept and (stopped := stays_unheard(text, changes)):
         raise Refused("kept", stopped)
