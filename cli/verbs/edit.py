@@ -137,7 +137,7 @@ def edit(
 ) -> None:
     """Edit a scene from a sentence.
 
-    gsedit edit scene.ply "turn it into a bronze statue" --data photos/ -o out
+    gsedit edit scene.ply "turn it into a bronze statue" --data posed/ -o out
 
     The folder gets the edited scene.ply, before_after.png, edit.json (settings, quality, timings)
     and the files that --resume, gsedit metrics and further edits read. SCENE may be such a folder.

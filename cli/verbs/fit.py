@@ -99,7 +99,7 @@ def fit(
 ) -> None:
     """Fit a scene to posed photos.
 
-    gsedit fit photos/ -o scene.ply --quality draft
+    gsedit fit posed/ -o scene.ply --quality draft
 
     Every 8th photo is held out and measures the result. The cameras are written to cameras.json
     beside the scene. gsedit list settings fit explains every setting.

@@ -91,7 +91,7 @@ def filter_(*, selection: SelectionOptions) -> Filter:
 
     gsedit filter scene.ply --where "box(-1,-1,-inf, 1,1,inf)" -o inside.ply
 
-    gsedit filter bear.ply --region auto --data photos/ -o bear_alone.ply
+    gsedit filter bear.ply --region auto --data posed/ -o bear_alone.ply
 
     A size is in units of the scene, an opacity and a color from 0 to 1.
     """

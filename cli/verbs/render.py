@@ -205,7 +205,7 @@ def render(
 ) -> None:
     """Render pictures of a scene, or an animation along a path.
 
-    gsedit render scene.ply --data photos/ --views 0,8,16 --show color,depth -o frames
+    gsedit render scene.ply --data posed/ --views 0,8,16 --show color,depth -o frames
 
     gsedit render scene.ply --path turntable -o turn.mp4
 

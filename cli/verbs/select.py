@@ -65,7 +65,7 @@ def select(
 
     gsedit select scene.ply --where "sphere(0,-0.5,0, 0.35)" -o region.npy
 
-    gsedit select bear.ply --where "subject()" --data photos/ -o bear.npy
+    gsedit select bear.ply --where "subject()" --data posed/ -o bear.npy
 
     gsedit select bear.ply --at frame_00001.jpg:120,120 --as bear
 

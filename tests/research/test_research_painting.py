@@ -49,8 +49,7 @@ def test_a_verdict_is_where_the_interval_is(differences, verdict):
 
 
 def test_a_margin_forgives_what_is_less():
-    (contrast,) = NEARER.tests
-    lenient = Claim("", (contrast._replace(margin=0.05),))
+    lenient = Claim("", (NEARER.tests[0]._replace(margin=0.05),))
     differences = [0.02 + 0.001 * k for k in range(12)]
     assert judged(NEARER, differences) == "opposite seen"
     assert judged(lenient, differences) == "seen"
@@ -79,8 +78,8 @@ def curves(iterative, edits=60):
 def test_a_factor_is_of_costs_and_at_least_where_it_is_not_reached():
     assert factors(curves((0.6, 0.5, 0.4)), paper=False) == [(4.0, True)] * 4
     assert factors(curves((0.6, 0.5, 0.45)), paper=False) == [(4.0, False)] * 4
-    (first, *_) = factors(curves((0.6, 0.5, 0.4)), paper=True)
-    assert first[0] == pytest.approx((60 * 7.5 + 400 * 0.15) / (18 * 7.5 + 100 * 0.15))
+    expected = pytest.approx((60 * 7.5 + 400 * 0.15) / (18 * 7.5 + 100 * 0.15))
+    assert factors(curves((0.6, 0.5, 0.4)), paper=True)[0][0] == expected
 
 
 def test_ten_times_is_not_reached_or_not_judged_but_never_opposite():
@@ -88,6 +87,12 @@ def test_ten_times_is_not_reached_or_not_judged_but_never_opposite():
     assert judge.judge_tenfold(curves((0.6, 0.5, 0.45)))[0] == "not judged"
     assert judge.judge_tenfold(curves((0.3, 0.3, 0.3)))[0] == "not reached"
     assert judge.judge_tenfold(Cells([]))[0] == "not judged"
+
+
+def test_the_end_is_not_judged_before_the_iterative_update_has_painted_all_twice():
+    end = Claim("", (Contrast("perceptual", "single", "iterative", -1, judge.END),), painted=108)
+    few, enough = (end.judge(curves((0.6, 0.5, 0.4), edits))[0] for edits in (107, 108))
+    assert (few, enough) == ("not judged", "seen")
 
 
 def test_records_are_judged_again_from_their_file(tmp_path):

@@ -128,6 +128,8 @@ class Claim:
     tests: tuple[Contrast, ...] = ()
     least: float = 0.0
     """Share of the cells that must be on the claim's side in every test."""
+    painted: int = 0
+    """Views that the iterative update must have painted by END: else the runs were too short."""
     special: Callable[[Cells], tuple[Verdict, str]] | None = None
 
     def judge(self, cells: Cells) -> tuple[Verdict, str]:
@@ -137,7 +139,8 @@ class Claim:
         effects = [effect(test, cells) for test in self.tests]
         numbers = "; ".join(_said(*each) for each in zip(self.tests, effects))
         known = [each for each in effects if each is not None and each.interval is not None]
-        if len(known) < len(effects):
+        painted = cells.values("iterative", "edits", END) if self.painted else []
+        if len(known) < len(effects) or min(painted, default=0) < self.painted:
             return "not judged", numbers
         sides = [each.side for each in known]
         if min(sides) == 1 and all(each.agree >= self.least * each.cells for each in known):
@@ -150,7 +153,7 @@ class Claim:
 def _said(test: Contrast, found: Effect | None) -> str:
     against = "only blurred" if test.other else test.against
     what = f"{test.field}, {test.arm} less {against}" + (f" at {test.at:g} s" if test.at else "")
-    what = what.replace("target_", "target ")
+    what = what.replace("target_", "painted views' ")
     if found is None:
         return f"{what}: none"
     digits = 2 if abs(found.mean) >= 0.1 else 3
@@ -201,6 +204,7 @@ def judge_style(cells: Cells) -> tuple[Verdict, str]:
     spent = zip(cells.values("base", "seconds"), cells.values("base", "prepared"))
     seconds = [sum(each) for each in spent]
     words, done = [], [max(seconds, default=0) <= MOST_SECONDS]
+    good = [True] * len(seconds)
     for field, goal, sign in (("energy", LEAST_ENERGY, 1), ("perceptual", MOST_PERCEPTUAL, -1)):
         values = cells.values("base", field)
         span = mean_interval(values)
@@ -208,9 +212,11 @@ def judge_style(cells: Cells) -> tuple[Verdict, str]:
             return "not judged", "too few cells"
         done.append(min(sign * (end - goal) for end in span) >= 0)
         there = sum(sign * (value - goal) >= 0 for value in values)
+        good = [g and sign * (v - goal) >= 0 for g, v in zip(good, values)]
         words.append(f"{field} {fmean(values):.2f} ({span[0]:.2f} to {span[1]:.2f}), "
                      f"{there} of {len(values)} cells")  # fmt: skip
-    words = [f"{min(seconds):.1f} to {max(seconds):.1f} s", *words]
+    words = [f"done in {min(seconds):.1f} to {max(seconds):.1f} s, good enough in {sum(good)} of "
+             f"{len(good)} cells", *words]  # fmt: skip
     return ("seen" if all(done) else "not reached"), "; ".join(words)
 
 
@@ -235,7 +241,7 @@ CLAIMS = (
     Claim("... with comparable quality in the end", (
         Contrast("perceptual", "single", "iterative", -1, END, 0.02),
         Contrast("energy", "single", "iterative", 1, END, 0.05),
-    )),
+    ), painted=108),  # 54 views of the garden, the most, twice
     Claim("Single pass, then iterative, is best", tuple(
         Contrast("perceptual", "combined", other, -1, END) for other in ("single", "iterative")
     )),
@@ -268,7 +274,7 @@ OWN = (
     Claim("Solved, not descended from the unedited scene", (
         Contrast("perceptual", "solve", "adam mse", -1), Contrast("energy", "solve", "adam mse", 1),
     )),
-    Claim("The sum for the switch", (
+    Claim("The sum of the losses, not a random switch between them", (
         Contrast("perceptual", "base", "switch", -1), Contrast("gram", "base", "switch", -1),
     )),
 )  # fmt: skip
