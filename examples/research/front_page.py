@@ -39,7 +39,7 @@ EDITS = {
 WHAT = {
     "fit": "fit of the photos, `--quality draft`: held-out photos of 512 pixels",
     "material": '`gsedit edit "turn the … into bronze"`: outside of outlines drawn by hand',
-    "removal": '`gsedit edit "remove the …"`: outside of these outlines (shadows go along)',
+    "removal": '`gsedit edit "remove the …"`: outside of these outlines, shadows included',
     "painting": '`gsedit edit "like Van Gogh"`: to held-out views painted alone',
 }
 RENDER = "render and differentiate the garden, 648x420: gradients, worst input, to float64"
@@ -114,6 +114,7 @@ def main(
     out.mkdir(parents=True, exist_ok=True)
     file = out / "cells.json"
     kept = json.loads(file.read_text()) if file.exists() else {}
+    kept.setdefault("commit", commit())
     jobs = {f"{row} {name}": (measure, name) for row, measure in ROWS.items() for name in SUBJECTS}
     for key, (measure, name) in jobs.items():
         if key not in kept:
@@ -126,7 +127,7 @@ def main(
     rows = [(WHAT[row], *(_cell(*kept[f"{row} {name}"]) for name in SUBJECTS)) for row in ROWS]
     rows += [(RENDER, "", kept["render"], "")] * ("render" in kept)
     when = datetime.now(timezone.utc).date()
-    where = f"{machine()}; commit {commit()}; {when}. One run a cell."
+    where = f"{machine()}; commit {kept['commit']}; {when}. One run a cell."
     found = f"{markdown_table(('what', *SUBJECTS), rows)}\n\n{where}"
     for page in PAGES if docs else ():
         before, mark, rest = page.read_text("utf-8").partition("<!-- measured -->")

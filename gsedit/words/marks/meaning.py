@@ -28,7 +28,7 @@ MIXED = re.compile(r"\b(?:mix|mixed|mixture|blend|blended|cross)\b", re.IGNORECA
 INSIDE = re.compile(r"\w (?:in|from) the (?:background|surroundings?|scenery)$")
 """Phrases of things that are in the background, not of the background."""
 FROM_SIDE = re.compile(r" from (?:the )?(?:left|right|front|behind|above|below)(?: side)?$")
-"""Where light comes from, behind a phrase of what it falls on."""
+"""The side that light comes from, behind a phrase of what it falls on."""
 SUBJECT = re.compile(r"^(?:the )?(?:subject|main thing|main object)$")
 """Phrases of the subject."""
 SOLID = ("material", "paint", "growth", "object")
