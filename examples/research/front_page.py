@@ -123,9 +123,10 @@ def main(
             file.write_text(json.dumps(kept, indent=1) + "\n")
     if points is not None and "render" not in kept:
         kept["render"] = render(points)
-        file.write_text(json.dumps(kept, indent=1) + "\n")
+    file.write_text(json.dumps(kept, indent=1) + "\n")
     rows = [(WHAT[row], *(_cell(*kept[f"{row} {name}"]) for name in SUBJECTS)) for row in ROWS]
-    rows += [(RENDER, "", kept["render"], "")] * ("render" in kept)
+    if "render" in kept:
+        rows.append((RENDER, "", kept["render"], ""))
     when = datetime.now(timezone.utc).date()
     where = f"{machine()}; commit {kept['commit']}; {when}. One run a cell."
     found = f"{markdown_table(('what', *SUBJECTS), rows)}\n\n{where}"
