@@ -19,7 +19,7 @@ def explain(error: BaseException) -> tuple[Said, int]:
             codes = {UsageError: USAGE, InputError: UNREADABLE}
             code = next((codes[kind] for kind in codes if isinstance(error, kind)), FAILED)
             said = error.said
-            return Said(one_line(said.what), said.move, **said.values), code
+            return Said(one_line(said.what), said.move, said.offers, said.of, **said.values), code
         case Interrupted():
             return Said(one_line(str(error))), INTERRUPTED
         case KeyboardInterrupt():

@@ -393,7 +393,7 @@ class Tab:
     def fail(self, error: Exception | str) -> None:
         """Say what went wrong, in the error's own sentence."""
         known = isinstance(error, (GseditError, str))
-        text = on_page(error) if isinstance(error, Exception) else error
+        text = str(on_page(error) if isinstance(error, Exception) else error)  # plain, to be sent
         if not known:
             kind = type(error).__name__
             text = f"internal error ({kind}: {text}); what was done before is kept"

@@ -56,14 +56,15 @@ def test_every_control_has_a_name_and_nothing_of_the_sentence_is_html():
 @pytest.mark.parametrize(
     ("text", "offered"),
     [
-        ("paint it zorp", [f"say paint it {each}" for each in ("rust", "tin", "plaster")]),
-        ("do not paint it red", ["say paint it blue"]),
-        ("undo", []),
+        ("paint it zorp", r"say paint it \w+"),
+        ("do not paint it red", "say paint it blue"),
+        ("undo", "-"),
     ],
 )
 def test_what_a_refusal_offers_is_a_button_where_it_is_read(text, offered):
-    shown = offers(read(text), heard)
-    assert re.findall('data-do="([^"]+)"', shown) == offered
+    found = re.findall('data-do="([^"]+)"', offers(read(text), heard))
+    assert all(re.fullmatch(offered, each) for each in found)
+    assert bool(found) == (text != "undo")
 
 
 def test_what_was_not_read_can_be_accepted():

@@ -144,7 +144,8 @@ def heard(text: str, files: Sequence[str] = ()) -> tuple[tuple[Change, ...], boo
     if denied(said):
         raise Refused("negation")
     if said.refused > REFUSED or not said.asked:
-        raise Refused("question" if text.rstrip().endswith("?") else "nonsense")
+        asks = "question" if text.rstrip().endswith("?") else "nonsense"
+        raise Refused("negation" if re.search(r"\b(?:not?|never|less)\b|n't\b", text) else asks)
     changes = tuple(changes_of(said, files))
     if not said.kept and (stopped := stays_unheard(text, changes)):
         raise Refused("kept", stopped)
