@@ -201,6 +201,8 @@ def test_things_in_the_background_are_not_the_background():
 def test_a_shadow_is_no_object():
     with pytest.raises(Refused, match="unreal"):
         meant(asked("remove", part="span", of="the shadow of the bear"))
+    with pytest.raises(Refused, match="unreal"):
+        meant(asked("light", name="the shadows", value="night", value_sure=0.9))
 
 
 @pytest.mark.parametrize("why", REASONS.values())

@@ -114,6 +114,8 @@ def _change(asked: Asked, text: str) -> Change:
     dim = found is not None and found.kind == "light" and found.name.startswith("lamp")
     if found is None or (dim and asked.value not in ("", "lamp")):
         found = found if asked.value_sure < values.SEAL else None
+    if found is None and "shadow" in asked.name:
+        raise Refused("unreal")
     if found is None and (asked.deed != "look" or not asked.name):
         found = values.meant(asked.value, asked.value_sure, asked.deed, asked.side, asked.degree)
     if found is None:
