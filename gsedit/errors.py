@@ -34,7 +34,11 @@ class Said(str):
         return said
 
     def __radd__(self, before: str) -> Said:
-        return Said(before + self.what, self.move, self.offers, self.of, **self.values)
+        return self.worded(before + self.what)
+
+    def worded(self, what: str) -> Said:
+        """Another sentence with this one's next move and offers."""
+        return Said(what, self.move, self.offers, self.of, **self.values)
 
 
 class GseditError(Exception):

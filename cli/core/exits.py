@@ -18,8 +18,7 @@ def explain(error: BaseException) -> tuple[Said, int]:
         case GseditError():
             codes = {UsageError: USAGE, InputError: UNREADABLE}
             code = next((codes[kind] for kind in codes if isinstance(error, kind)), FAILED)
-            said = error.said
-            return Said(one_line(said.what), said.move, said.offers, said.of, **said.values), code
+            return error.said.worded(one_line(error.said.what)), code
         case Interrupted():
             return Said(one_line(str(error))), INTERRUPTED
         case KeyboardInterrupt():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
@@ -21,24 +22,30 @@ class Entry(NamedTuple):
     value: str
 
 
-def rows_of(table: Path) -> list[tuple[str, str, list[str]]]:
-    """(kind, value, phrases) of each row of a table of words."""
-    rows = []
+def lines_of(table: Path) -> Iterator[tuple[str, str, str]]:
+    """(kind, value, what is behind the colon) of each row of a table of words or sentences."""
     for line in table.read_text(encoding="utf-8").splitlines():
         if line and not line.startswith("# "):
-            head, _, phrases = line.partition(":")
+            head, _, told = line.partition(":")
             kind, _, value = head.partition(" ")
-            rows.append(
-                (kind, value, [each.strip() for each in phrases.split(",") if each.strip()])
-            )
-    return rows
+            yield kind, value, told.strip()
 
 
+def rows_of(table: Path) -> list[tuple[str, str, list[str]]]:
+    """(kind, value, phrases) of each row of a table of words."""
+    return [
+        (kind, value, [each.strip() for each in told.split(",") if each.strip()])
+        for kind, value, told in lines_of(table)
+    ]
+
+
+@lru_cache
 def names(kind: str) -> frozenset[str]:
     """Names of a kind in `lexicon.txt`, as light or scenery: each has a painter of its own."""
     return frozenset(value for told, value, _ in rows_of(TABLE) if told == kind)
 
 
+@lru_cache
 def things(kind: str) -> dict[str, str]:
     """Values by the phrases of a kind in `things.txt`, in the order of its rows."""
     rows = (row for row in rows_of(THINGS) if row[0] == kind)

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Iterator
 from difflib import SequenceMatcher
 from pathlib import Path
 
 from gsedit.errors import Said
-from gsedit.words.lexicon import near_styles, sets, style_words, styles
+from gsedit.words.lexicon import lines_of, near_styles, sets, style_words, styles
 from gsedit.words.scan import normalised, scanned
 
 
@@ -19,17 +18,10 @@ class Refused(Exception):
 
 SAY = re.compile(r"\b(?:say|as in) '([^']+)'")
 """Sentences of reasons.txt that are offered."""
-
-
-def _reasons() -> Iterator[tuple[str, Said]]:
-    for row in Path(__file__).with_name("reasons.txt").read_text("utf-8").splitlines():
-        if row and row[0] != "#":
-            head, _, text = row.partition(": ")
-            kind, _, move = head.partition(" ")
-            yield kind, Said(text, move, tuple(SAY.findall(text)))
-
-
-REASONS = dict(_reasons())
+REASONS = {
+    kind: Said(told, move, tuple(SAY.findall(told)))
+    for kind, move, told in lines_of(Path(__file__).with_name("reasons.txt"))
+}
 """Message to a person, by the kind of refusal."""
 _POLITE = r"(?: (?:please|now|again))*[.! ]*$"
 ODD = (

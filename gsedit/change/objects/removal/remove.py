@@ -502,23 +502,21 @@ class _Left:
 
 def _lit(left: _Left, sheet: Sheet, plane: Plane, extent: float) -> tuple[_Left, Sheet]:
     """Take the object's shadow off a plane; what it blackened, and its contact, join the hole."""
-    reach = extent / sheet.cell
     points = left.rest.means.numpy()
     cell = sheet.at(points)
     others = standing(sheet, plane, points[left.rest.opacities.numpy() > FIRM], extent)
     light, deep = find_shade(
-        sheet.values[..., :3], sheet.known, sheet.hole, sheet.caster, others, reach
+        sheet.values[..., :3], sheet.known, sheet.hole, sheet.caster, others, extent / sheet.cell
     )
-    own = light.reshape(-1, 3)[cell]
-    dark = torch.from_numpy(plane.on(points) & (cell >= 0) & (own < 1).any(1))
+    own = light.reshape(-1, 1)[cell]
+    dark = torch.from_numpy(plane.on(points) & (cell >= 0) & (own < 1)[:, 0])
     brighter = (1 / torch.from_numpy(own)).to(left.rest.sh)[dark, None]
     sh = left.rest.sh.clone()
     sh[dark] *= brighter
     sh[dark, :1] += 0.5 / SH_DC * (brighter - 1)
-    values = sheet.values / np.tile(light, sheet.values.shape[-1] // 3)
-    contact = widened(sheet.hole, CONTACT) & (light.min(-1) < DIMMED)
+    contact = widened(sheet.hole, CONTACT) & (light[..., 0] < DIMMED)
     hole = sheet.hole | deep | (contact & sheet.known)
-    sheet = replace(sheet, values=values, known=sheet.known & ~hole, hole=hole)
+    sheet = replace(sheet, values=sheet.values / light, known=sheet.known & ~hole, hole=hole)
     return replace(left, changed=left.changed | dark, rest=replace(left.rest, sh=sh)), sheet
 
 

@@ -428,7 +428,7 @@ def find_shade(
     caster: Bool[np.ndarray, "h w"],
     others: Bool[np.ndarray, "h w"],
     farthest: float,
-) -> tuple[Float[np.ndarray, "h w 3"], Bool[np.ndarray, "h w"]]:
+) -> tuple[Float[np.ndarray, "h w 1"], Bool[np.ndarray, "h w"]]:
     """The shadow around what casts it, on what is known of a surface; `farthest` cells from it.
 
     (light that is left of what is usual, in (0, 1], 1 where there is no shadow; cells that are too
@@ -436,7 +436,7 @@ def find_shade(
 
     What is nearer to `others`, that stand there too, is in their shadow.
     """
-    none, source = (np.ones_like(picture), np.zeros_like(hole)), hole | caster
+    none, source = (np.ones((*hole.shape, 1)), np.zeros_like(hole)), hole | caster
     if not caster.any() or not (known & ~source).any():
         return none
     size = float(np.sqrt(source.sum()))
@@ -464,9 +464,9 @@ def find_shade(
     if not shadow.any() or not _cast(light, shadow, known & ~shadow, away):
         return none[0], contact
     even = mean_around(picture, seen, max(PATTERN, sigma)).mean(-1) / usual.mean(-1)
-    fading = np.where(shadow, even.clip(0.05, 1.0), 1.0)[..., None] + np.zeros(3)
+    fading = np.where(shadow, even.clip(0.05, 1.0), 1.0)[..., None]
     fading = mean_around(fading, seen, max(1.0, sigma / 2)).clip(0.05, 1.0)
-    contact |= shadow & (fading.mean(-1) < DEEP)
+    contact |= shadow & (fading[..., 0] < DEEP)
     return np.where(known[..., None], fading, 1.0), contact
 
 
