@@ -96,13 +96,13 @@ def test_ctrl_c_ends_the_program_and_says_what_remains(program, scene, tmp_path)
     pids = tmp_path / "pids"
     command = program(CHILD.format(pids=str(pids))).run
     words = edit_words(scene, tmp_path / "out", command)
-    code = f"from gsedit_cli.main import main; import sys; sys.argv[1:] = {words!r}; main()"
+    code = "import sys, signal as s; s.signal(s.SIGINT, s.default_int_handler)\n"
+    code += f"from gsedit_cli.main import main; sys.argv[1:] = {words!r}; main()"
     process = subprocess.Popen(
         [sys.executable, "-c", code], stderr=subprocess.PIPE, text=True, env=os.environ
     )
-    for _ in range(600):
-        if pids.exists() and pids.read_text().endswith("\n"):
-            break
+    while not pids.exists() or not pids.read_text().endswith("\n"):
+        assert process.poll() is None
         time.sleep(0.05)
     process.send_signal(signal.SIGINT)
     stderr = process.communicate(timeout=30)[1]
