@@ -11,6 +11,7 @@ import torch
 from jaxtyping import Bool
 from torch import Tensor
 
+from gsedit.editing.large import drawn, explained
 from gsedit.editing.measure import Changed, EditResult, changed_by, measured
 from gsedit.editing.painters import Looking, painted
 from gsedit.editing.parts import aimed_at, assumed, find_parts
@@ -18,7 +19,7 @@ from gsedit.editing.plan import asks_editor_2d, is_exact, key_of, read_steps
 from gsedit.errors import Said, UsageError
 from gsedit.measures.features import FeatureExtractor
 from gsedit.paper.actions import Strategy
-from gsedit.paper.draw import EditPlan, draw, explain
+from gsedit.paper.draw import EditPlan
 from gsedit.paper.editors import make_editor
 from gsedit.paper.protocol import Editor
 from gsedit.paper.request import Method, Request, build_request
@@ -90,7 +91,7 @@ def change_steps(
             raise UsageError(f"{step}: this is drawn, and there is nothing to draw it with")
         else:
             request = job.request(total.scene, step.text, parts.now(key_of(step.changes[0])))
-            drawing = yield from draw(request, job.state_for(step))
+            drawing = yield from drawn(request, job.state_for(step))
             parts, total = parts.after(step.changes[0], drawing), total.then(drawing)
     return changed_by(scene, steps, parts, total, drawing, assumed(steps, finder.names))
 
@@ -105,7 +106,7 @@ def plan_edit(scene: Gaussians, sentence: str, views: Views | None = None, **how
     step = next(each for each in job.steps if not is_exact(each))
     (step,) = aimed_at((step,), job.finder.region)
     parts = find_parts((step,), job.finder, job.method.editor)
-    return explain(job.request(scene, step.text, parts.now(key_of(step.changes[0]))))
+    return explained(job.request(scene, step.text, parts.now(key_of(step.changes[0]))))
 
 
 @dataclass(frozen=True, eq=False)

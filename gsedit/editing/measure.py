@@ -157,15 +157,12 @@ def measured(
             before = pictures_at(scene, shown)
             after = pictures_at(changed.scene, shown)
             means = means_of(scene, changed, before, after)
-        own = evidence.metrics.evaluation
-        metrics = replace(
-            evidence.metrics, evaluation=replace(own, measured={**own.measured, **means})
-        )
+        metrics = evidence.metrics.with_means(means)
         evidence = replace(evidence, metrics=metrics)
         if drawing is None:
             evidence = replace(evidence, held_out=HeldOutViews(before, (), after))
         else:
-            evidence = _of_the_whole(evidence, scene, changed.scene)
+            evidence = of_the_whole(evidence, scene, changed.scene)
         if (metrics.rmse_to_unedited or 0.0) <= LEAST_RMSE:
             notes = (*notes, HARDLY)
     spent = {**watch.stages, **evidence.timings}
@@ -192,7 +189,7 @@ def understood(steps: Sequence[Instruction]) -> Instruction | None:
     return steps[0] if len(steps) == 1 else Instruction(words, True, words, changes)
 
 
-def _of_the_whole(evidence: Evidence, before: Gaussians, after: Gaussians) -> Evidence:
+def of_the_whole(evidence: Evidence, before: Gaussians, after: Gaussians) -> Evidence:
     """The evidence of a drawing, its renders those of the scene before and after all changes."""
     held_out = evidence.held_out
     return replace(
@@ -226,14 +223,19 @@ def pictures_at(scene: Gaussians, viewpoints: Sequence[Viewpoint | View]) -> tup
 
 
 def means_of(
-    scene: Gaussians, changed: Changed, before: Sequence[View], after: Sequence[View]
+    scene: Gaussians,
+    changed: Changed,
+    before: Sequence[View],
+    after: Sequence[View],
+    edited: int = 0,
 ) -> Means:
-    """The difference of held-out views, and how well what is outside the region is kept."""
+    """The difference of views, of which the first were `edited` and the others held out, and how
+    well what is outside the region is kept."""
     moved = changed.region_before is not None
     viewpoints = tuple(Viewpoint(each.name, each.camera) for each in before)
     given = EvaluationInput(
         changed.scene,
-        ViewList(viewpoints, ("held_out",) * len(before)),
+        ViewList(viewpoints, ("edited",) * edited + ("held_out",) * (len(before) - edited)),
         unedited=scene,
         region=changed.region_before if moved else changed.region,
         edited_region=changed.region if moved else None,

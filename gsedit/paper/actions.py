@@ -17,7 +17,7 @@ from gsedit.capture.fitting.update import Target, crops_needed, update_steps
 from gsedit.errors import InputError
 from gsedit.paper.edit_views import edit_views
 from gsedit.paper.evaluate import measure_progress
-from gsedit.paper.session import Session, preview, region_masks, render_with_depth, seen_gaussians
+from gsedit.paper.session import Session, region_masks, seen_gaussians
 from gsedit.run.events import Event
 from gsedit.views.dataset import View
 from rasterizer.scene import Gaussians
@@ -42,17 +42,8 @@ def _targets(session: Session) -> list[Target]:
     for (i, view), mask in zip(edited.targets.items(), masks or repeat(None)):
         of = view, region
         if i not in edited.fitted or any(a is not b for a, b in zip(edited.fitted[i][0], of)):
-            edited.fitted[i] = of, Target(_for_groups(session, i, view), mask, patch)
+            edited.fitted[i] = of, Target(view, mask, patch)
     return [edited.fitted[i][1] for i in edited.targets]
-
-
-def _for_groups(session: Session, i: int, view: View) -> View:
-    """An edited view i of a large scene, less what its picture shows beyond that of the groups."""
-    request = session.request
-    if request.coarse is None:
-        return view
-    groups = render_with_depth(request.scene, view.camera).color
-    return replace(view, image=view.image + groups - session.unedited.rendering(i).color)
 
 
 MAX_STEPS_AT_ONCE = 10
@@ -147,7 +138,7 @@ class Update:
 class Solve:
     """Solve for the colors of the region that fit all targets best, after `step` of `total`.
 
-    Opacities and geometry stay. Of a large scene the groups move.
+    Opacities and geometry stay.
     """
 
     step: int
@@ -159,13 +150,12 @@ class Solve:
         with progress.stopwatch.stage("update"):
             optimizer.raise_negative_colors(inside)
             start, views = optimizer.scene.detach(), list(targets.values())
-            pictures = None if request.coarse is None else [preview(session, i) for i in targets]
-            how: dict[str, Any] = {"pictures": pictures}
+            how: dict[str, Any] = {}
             if request.keeps_strokes:
                 how["shares"] = _leading_shares(session, start, targets)
                 how["band_penalty"] = BAND_PENALTY
             else:
-                how["penalty"] = trusting_penalty(start, views, inside, **how)
+                how["penalty"] = trusting_penalty(start, views, inside)
             solved = list(solve_colors(start, views, inside, **how))
             if solved:
                 progress.work.followed = solved[-1].followed
@@ -201,7 +191,7 @@ def _keep_strokes(
     total = request.settings.update.strokes
     found = stroke_steps(
         session.scene, list(targets.values()), session.region.inside, total, request.features,
-        request.generator, pictures=[preview(session, i) for i in targets], shares=shares,
+        request.generator, shares=shares,
     )  # fmt: skip
     for step, item in enumerate(found, start=1):
         if isinstance(item, Gaussians):

@@ -32,7 +32,6 @@ from gsedit.paper.skips import (
     DISABLED,
     TERMINAL_COLUMNS,
     Decision,
-    decide_merging,
     decide_views,
     one_line,
     screen,
@@ -207,7 +206,7 @@ def estimate_edit(session: Session) -> Estimate | None:
         return None
     plan = session.plan
     cost = measure(batch_of(session, plan.batches[0]), request.settings.sampler)
-    held_out = 2 * min(request.settings.held_out_edits, len(request.evaluation_views))
+    held_out = 2 * min(request.settings.held_out_edits, len(request.held_out_indices))
     return Estimate(len(plan.views), held_out, cost, cheaper(cost))
 
 
@@ -304,20 +303,16 @@ def explain_skips(session: Session) -> tuple[Decision, ...]:
     Nothing is decided here that the session does not do already.
     """
     request, plan, settings = session.request, session.plan, session.request.settings
-    decisions = (
-        decide_merging(len(request.whole), len(request.scene)),
-        decide_views(
-            len(plan.views),
-            min(settings.most_batches * settings.views_per_batch, len(request.views)),
-            plan.coverage[-1],
-            settings.coverage,
-            needs_all=uses_all_views(request.strategy),
-        ),
+    if not settings.skips("views"):
+        return (Decision("views", False, DISABLED),)
+    views = decide_views(
+        len(plan.views),
+        min(settings.most_batches * settings.views_per_batch, len(request.views)),
+        plan.coverage[-1],
+        settings.coverage,
+        needs_all=uses_all_views(request.strategy),
     )
-    return tuple(
-        each if settings.skips(each.name) else Decision(each.name, False, DISABLED)
-        for each in decisions
-    )
+    return (views,)
 
 
 def start_session(request: Request) -> Generator[Event, None, Session]:
@@ -397,7 +392,7 @@ def checkpoint(session: Session, views: State | None = None, undone: int = 0) ->
         session_state(session, views).along_with(undone=undone),
         session.progress.work.steps,
         session.progress.stopwatch.seconds,
-        session.whole_scene,
+        session.all_bands,
     )
 
 
@@ -458,8 +453,6 @@ def _note(request: Request, plan: ViewPlan) -> str:
             f"; edited at {small.width}x{small.height} pixels, the change carried to "
             f"{camera.width}x{camera.height}"
         )
-    if request.coarse is not None:
-        note += f"; {len(request.whole):,} Gaussians edited as {len(request.scene):,} groups"
     return note
 
 

@@ -17,7 +17,7 @@ from gsedit.measures.agreement import Pictures, UneditedViews, spread
 from gsedit.measures.decibels import rmse_from_psnr
 from gsedit.measures.evaluation import evaluate
 from gsedit.measures.formulas import psnr
-from gsedit.measures.metrics import Evaluation, EvaluationInput
+from gsedit.measures.metrics import Evaluation, EvaluationInput, Means
 from gsedit.paper.edit_views import MEASURE, match_views, sample_views
 from gsedit.paper.request import name_of
 from gsedit.paper.session import Session, Work, preview
@@ -89,6 +89,11 @@ class EditMetrics:
     def psnr_outside_region(self) -> float | None:
         """PSNR to the unedited scene at held-out cameras, dB, over pixels outside the region."""
         return self.evaluation.value("psnr_outside_region", "held_out")
+
+    def with_means(self, means: Means) -> EditMetrics:
+        """These, with means that were measured anew."""
+        measured = {**self.evaluation.measured, **means}
+        return replace(self, evaluation=replace(self.evaluation, measured=measured))
 
     def record(self) -> dict[str, Any]:
         """All measurements as JSON has them."""
@@ -196,7 +201,7 @@ def measure_progress(session: Session, step: int, steps: int, loss: float | None
 
     Against the ground truth at held-out cameras where it is known, otherwise against the targets.
     """
-    truths = true_edits(session, _few(session.request.evaluation_views))
+    truths = true_edits(session, _few(session.request.held_out_indices))
     targets = session.progress.edited.targets
     expected = truths or {i: targets[i].image for i in _few(tuple(targets))}
     values = [psnr(preview(session, i), image) for i, image in expected.items()]
@@ -274,10 +279,8 @@ def _evaluation_input(
 ) -> EvaluationInput:
     """The edited scene rendered at edited and held-out views, and all that it is compared with."""
     request, views = session.request, session.request.every_view
-    measured = tuple(dict.fromkeys((*request.evaluation_views, *held_out)))
-    scene, region = session.whole_scene(), session.region
-    if request.coarse is not None:
-        region = replace(region, inside=request.coarse.expand(region.inside))
+    measured = tuple(dict.fromkeys((*request.held_out_indices, *held_out)))
+    scene, region = session.all_bands(), session.region
     finals = {i: render_picture(scene, views[i].camera) for i in (*shown, *measured)}
     targets = {i: view.image for i, view in session.progress.edited.targets.items()}
     return EvaluationInput(
@@ -285,10 +288,10 @@ def _evaluation_input(
         _view_list(views, shown, measured),
         {**targets, **answers},
         targets_are=TARGETS_ARE,
-        unedited=request.whole,
+        unedited=request.scene,
         region=region,
         max_perceptual_views=MAX_PROGRESS_VIEWS,
-        ground_truth=true_edits(session, request.evaluation_views),
+        ground_truth=true_edits(session, request.held_out_indices),
         finals=finals,
         renderings={i: session.unedited.rendering(i) for i in finals},
     )

@@ -17,10 +17,9 @@ from gsedit.paper.protocol import Editor
 from gsedit.paper.settings import EditSettings
 from gsedit.run.json_lines import plain
 from gsedit.run.state import digest, digest_of
-from gsedit.scene.merging import MergedScene, coarsen
 from gsedit.scene.picture import render_picture
 from gsedit.select.region import Region
-from gsedit.views.dataset import Dataset, View, evenly_spaced
+from gsedit.views.dataset import Dataset, View
 from gsedit.views.lazy_views import of_one_size
 from gsedit.views.viewpoints import Viewpoint, Views, that_see, thinned
 from rasterizer.camera import Camera
@@ -76,7 +75,6 @@ class Request:
     """An edit as it was asked for: scene, instruction, settings, editor, and views."""
 
     scene: Gaussians
-    """The Gaussians that are fitted: of a large scene, the merged ones."""
     prompt: str
     views: tuple[View, ...]
     """Views that may be edited; indices elsewhere are into `every_view`, which begins with them."""
@@ -91,13 +89,6 @@ class Request:
     generator: torch.Generator
     region: Region | None = None
     """The Gaussians of `scene` that may change; None: the edited views will tell."""
-    coarse: MergedScene | None = None
-    """The merged scene of a large one, and that itself; None for others."""
-
-    @property
-    def whole(self) -> Gaussians:
-        """The scene that pictures show, with all Gaussians of a large one."""
-        return self.scene if self.coarse is None else self.coarse.fine
 
     @property
     def solves(self) -> bool:
@@ -122,13 +113,6 @@ class Request:
         """Indices of the held-out views."""
         return tuple(range(len(self.views), len(self.every_view)))
 
-    @property
-    def evaluation_views(self) -> tuple[int, ...]:
-        """Indices of the held-out views at which the result is measured: a few of a large scene."""
-        indices = self.held_out_indices
-        number = len(indices) if self.coarse is None else 4  # its renders take seconds
-        return tuple(indices[i] for i in evenly_spaced(len(indices), number))
-
 
 def build_request(
     scene: Gaussians,
@@ -138,7 +122,7 @@ def build_request(
     settings: EditSettings,
     method: Method,
 ) -> Request:
-    """The request of an edit, in which a large scene is merged.
+    """The request of an edit.
 
     Raises UsageError for an instruction the editor cannot follow, or a strategy that is no
     dataclass.
@@ -151,15 +135,9 @@ def build_request(
     if not some:  # a single view, which would be held out, may be edited
         some, held_out = held_out, ()
     settings = _with_defaults(settings, editor, some[0].camera)
-    cameras = [view.camera for view in (*some, *held_out)]
-    coarse = None
-    if settings.geometry == "appearance" and settings.skips("merging") and fits_pictures(strategy):
-        coarse = coarsen(scene, cameras=cameras)
-    if coarse is not None and region is not None:
-        region = replace(region, inside=coarse.majority(region.inside))
     return Request(
-        coarse.scene if coarse else scene, prompt, some, held_out, editor, settings, strategy,
-        method.features or FilterBank(), method.generator, region, coarse,
+        scene, prompt, some, held_out, editor, settings, strategy,
+        method.features or FilterBank(), method.generator, region,
     )  # fmt: skip
 
 

@@ -108,7 +108,7 @@ class UneditedRenders:
         return known[1]
 
     def _render(self, camera: Camera) -> Rendering:
-        return render_with_depth(self.request.whole, camera)
+        return render_with_depth(self.request.scene, camera)
 
 
 @torch.no_grad()
@@ -210,7 +210,7 @@ class Session:
 
     @property
     def scene(self) -> Gaussians:
-        """The fitted scene as it is now, without gradients: of a large one, the merged scene."""
+        """The fitted scene as it is now, without gradients."""
         return self.progress.optimizer.scene.detach()
 
     @property
@@ -229,10 +229,8 @@ class Session:
         covered = unedited.coverage(region, i)[..., None].to(edited)
         return torch.lerp(unedited.picture(i), edited, covered)
 
-    def whole_scene(self) -> Gaussians:
-        """A copy of the scene as it is now, with all its bands and all Gaussians of a large one."""
-        if (coarse := self.request.coarse) is not None:
-            return coarse.transfer(self.scene)
+    def all_bands(self) -> Gaussians:
+        """A copy of the scene as it is now, with all its bands."""
         edited = self.scene
         rest = self.bands[:, edited.sh.shape[1] :]
         whole = replace(edited, sh=torch.cat((edited.sh, rest), 1)) if rest.shape[1] else edited
@@ -241,21 +239,14 @@ class Session:
 
 @torch.no_grad()
 def preview(session: Session, i: int, camera: Camera | None = None) -> Float[Tensor, "h w 3"]:
-    """The scene as it is now at view i, in [0, 1], or at the `camera` at which it is edited.
-
-    For a large scene: the unedited picture, with the change of its merged scene added.
-    """
-    request, unedited = session.request, session.unedited
-    own = request.every_view[i].camera
+    """The scene as it is now at view i, in [0, 1], or at the `camera` at which it is edited."""
+    own = session.request.every_view[i].camera
     camera = camera or own
-    is_unedited = not session.progress.work.steps
-    if request.coarse is None and not is_unedited:
+    if session.progress.work.steps:
         return render_picture(session.scene, camera)
+    unedited = session.unedited
     before = unedited.rendering(i) if camera is own else unedited.edit_rendering(i)
-    if is_unedited:
-        return before.color.clamp(0, 1)
-    now, then = (render_with_depth(scene, camera).color for scene in (session.scene, request.scene))
-    return (before.color + now - then).clamp(0, 1)
+    return before.color.clamp(0, 1)
 
 
 def seen_gaussians(session: Session, views: Iterable[int] | None = None) -> Bool[Tensor, " n"]:

@@ -69,22 +69,6 @@ def one_line(decisions: Iterable[Decision]) -> str:
     return f"skipped: {', '.join(listed) or 'nothing'}"
 
 
-def decide_merging(gaussians: int, groups: int) -> Decision:
-    """Whether the Gaussians of a large scene are edited as so many `groups`."""
-    if groups == gaussians:
-        return Decision("merging", False, "Needed: a scene of so few Gaussians is edited as it is")
-    return Decision(
-        "merging",
-        True,
-        "Most are smaller than the pixels of the edit: neighbors are surveyed and fitted together "
-        "as one, and each takes its share of the change. The error was measured "
-        "(docs/measurements/scale.md), it has no proven bound",
-        f"{gaussians - groups:,} of {gaussians:,} Gaussians",
-        1 - groups / gaussians,
-        "the Gaussians of the survey and the update",
-    )
-
-
 def decide_views(
     edited: int, budget: int, coverage: float, wanted: float, *, needs_all: bool
 ) -> Decision:

@@ -58,11 +58,10 @@ def shares_of(scene, cameras):
 
 
 def descended(scene, views, inside=None):
-    pictures = [render(scene, view.camera).color for view in views]
     inside = torch.ones(len(scene), dtype=torch.bool) if inside is None else inside
     *losses, last = stroke_steps(
         scene, views, inside, STEPS, FilterBank(), torch.Generator().manual_seed(0),
-        pictures=pictures, shares=[torch.ones(48, 48)] * len(views),
+        shares=[torch.ones(48, 48)] * len(views),
     )  # fmt: skip
     assert isinstance(last, Gaussians)
     return losses, last

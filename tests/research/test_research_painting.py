@@ -128,7 +128,7 @@ def test_the_descent_is_that_of_gsedit():
     inside = torch.ones(len(scene), dtype=torch.bool)
     *_, expected = stroke_steps(
         scene, views, inside, STEPS, FilterBank(), torch.Generator().manual_seed(0),
-        pictures=pictures, shares=shares,
+        shares=shares,
     )  # fmt: skip
     none = torch.zeros(0, 0)
     case = Case("", scene, cameras, (0, 1, 2), (0, 1, 2), (), none, {}, {}, {}, {}, 0.0)

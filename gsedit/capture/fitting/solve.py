@@ -145,7 +145,6 @@ def solve_colors(
     targets: Sequence[View],
     inside: Bool[Tensor, " n"],
     *,
-    pictures: Sequence[Float[Tensor, "h w 3"]] | None = None,
     shares: Sequence[Float[Tensor, "h w"]] | None = None,
     most_iterations: int = MOST_ITERATIONS,
     least_gain_db: float = LEAST_GAIN_DB,
@@ -154,18 +153,15 @@ def solve_colors(
 ) -> Iterator[Solution]:
     """Yield the scene after every iteration, the last one last; only colors `inside` change.
 
-    `pictures` show the scene as it is now at the targets, where it is a merged one;
-    None: it is rendered. `shares` are weights of pixels, in [0, 1]; None: all weigh 1. Colors of
-    degree 0 and 1 move, higher bands stay. Negative colors count as they are, not clamped: raise
-    them before. Pixels that a view's mask leaves out do not count. The
-    residual never rises from one iteration to the next.
+    `shares` are weights of pixels, in [0, 1]; None: all weigh 1. Colors of degree 0 and 1 move,
+    higher bands stay. Negative colors count as they are, not clamped: raise them before. Pixels
+    that a view's mask leaves out do not count. The residual never rises from one iteration to the
+    next.
     """
     if not inside.any() or not targets:
         return
-    if pictures is None:
-        pictures = [render(scene, view.camera).color for view in targets]
     each_share = repeat(None) if shares is None else shares
-    views = [_shown(scene, *each) for each in zip(targets, pictures, each_share)]
+    views = [_shown(scene, *each) for each in zip(targets, each_share)]
     base, moved = sh_to_color(scene.sh[:, 0]), inside[:, None, None].to(scene.means)
     sums = _back(len(scene), views, [v.mask + torch.zeros_like(v.missing) for v in views], 1)
     shown = sums[:, 0, :1] * moved[:, 0]
@@ -188,8 +184,6 @@ def trusting_penalty(
     scene: Gaussians,
     targets: Sequence[View],
     inside: Bool[Tensor, " n"],
-    *,
-    pictures: Sequence[Float[Tensor, "h w 3"]] | None = None,
 ) -> float:
     """The largest penalty by which some targets predict the others as well as by any: the more they
     contradict each other, the less a solve should follow them beyond the map of colors. PENALTY for
@@ -200,12 +194,8 @@ def trusting_penalty(
     errors = dict.fromkeys(PENALTIES, 0.0)
     for left in parts:
         kept = [i for i in range(len(targets)) if i not in left]
-        shown = None if pictures is None else [pictures[i] for i in kept]
         for penalty in PENALTIES:
-            found = solve_colors(
-                scene, [targets[i] for i in kept], inside,
-                pictures=shown, penalty=penalty,
-            )  # fmt: skip
+            found = solve_colors(scene, [targets[i] for i in kept], inside, penalty=penalty)
             solved = scene  # where there is nothing to solve
             for each in found:
                 solved = each.scene
@@ -221,15 +211,13 @@ def _coefficients(scene: Gaussians) -> int:
     return min(MOST_COEFFICIENTS, scene.sh.shape[1])
 
 
-def _shown(
-    scene: Gaussians, view: View, now: Float[Tensor, "h w 3"], share: Float[Tensor, "h w"] | None
-) -> _Shown:
+def _shown(scene: Gaussians, view: View, share: Float[Tensor, "h w"] | None) -> _Shown:
     weights = color_weights(scene, view.camera)
     mask = 1.0 if view.mask is None else view.mask[..., None].to(scene.means)
     mask = mask if share is None else mask * share[..., None]
     degree = isqrt(_coefficients(scene)) - 1
     directions = view_directions(scene.means.index_select(0, weights.rows), view.camera)
-    before = mask * now
+    before = mask * render(scene, view.camera).color
     return _Shown(
         weights, basis(directions, degree) / SH_DC, mask, before, mask * view.image - before
     )

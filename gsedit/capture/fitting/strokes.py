@@ -19,6 +19,7 @@ from gsedit.measures.features import FeatureExtractor
 from gsedit.measures.losses import gram
 from gsedit.run.step_threads import StepThreads
 from gsedit.scene.neighbors import k_nearest
+from gsedit.scene.picture import render_picture
 from gsedit.views.dataset import View
 from rasterizer.camera import Camera
 from rasterizer.color_weights import ColorWeights, color_weights
@@ -73,15 +74,17 @@ def stroke_steps(
     features: FeatureExtractor,
     generator: torch.Generator,
     *,
-    pictures: Sequence[Float[Tensor, "h w 3"]],
     shares: Sequence[Float[Tensor, "h w"]],
 ) -> Iterator[float | Gaussians]:
     """Yield the loss of every step, of a view, and last the scene; base colors `inside` move.
 
-    `pictures` show the scene as it is at the targets; `shares` are the weights of pixels in the
-    MSE. The Gram loss is relative to the targets' own: a sum over layers.
+    `shares` are the weights of pixels in the MSE. The Gram loss is relative to the targets' own: a
+    sum over layers.
     """
-    drawn = [Drawn(scene, *each, features) for each in zip(targets, pictures, shares)]
+    drawn = [
+        Drawn(scene, view, render_picture(scene, view.camera), share, features)
+        for view, share in zip(targets, shares)
+    ]
     change = torch.zeros_like(scene.means, requires_grad=True)
     moments = torch.zeros_like(scene.means), torch.zeros_like(scene.means)
     weight, threads, order = None, StepThreads(), list[int]()

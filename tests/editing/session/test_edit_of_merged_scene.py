@@ -9,8 +9,8 @@ import torch
 from divide import divide
 
 from gsedit import edit
+from gsedit.editing import large
 from gsedit.measures.formulas import psnr
-from gsedit.paper import request
 from gsedit.paper.strategies.single_pass import SinglePass
 from gsedit.scene.merging import coarsen
 from rasterizer import render
@@ -24,7 +24,7 @@ def test_an_edit_by_groups_is_that_of_all_gaussians(monkeypatch, loss, decibels)
     data = tiny_edits.data()
     results = []
     for most in (len(scene), 1500):
-        monkeypatch.setattr(request, "coarsen", partial(coarsen, most=most))
+        monkeypatch.setattr(large, "coarsen", partial(coarsen, most=most))
         result = edit(
             scene,
             tiny_edits.PROMPT,
