@@ -21,7 +21,10 @@ class Swapped:
     """A 2D editor that needs no diffusion: red and blue change places."""
 
     name, cell = "swapped", 8
-    capabilities = Capabilities(find_ground_truth=lambda *batch: lambda pictures: pictures.flip(-1))
+    capabilities = Capabilities()
+
+    def find_ground_truth(self, prompt, edited, originals):
+        return lambda pictures: pictures.flip(-1)
 
     def check(self, prompt):
         return None

@@ -21,7 +21,7 @@ from gsedit.measures.features import FeatureExtractor
 from gsedit.paper.actions import Strategy
 from gsedit.paper.draw import EditPlan
 from gsedit.paper.editors import make_editor
-from gsedit.paper.protocol import Editor
+from gsedit.paper.protocol import Editor, StylePainter
 from gsedit.paper.request import Method, Request, build_request
 from gsedit.paper.settings import EditSettings
 from gsedit.paper.strategies.single_pass import SinglePass
@@ -162,7 +162,7 @@ def prepare(
     if not len(scene):
         raise UsageError("the scene is empty: there is nothing to edit")
     settings, names = settings or EditSettings(), names or Names()
-    drawn = editor is not None and not editor.capabilities.paints_styles
+    drawn = editor is not None and not isinstance(editor, StylePainter)
     if steps is None:
         steps = read_steps(sentence, names.saved, drawn=drawn, accept_unread=accept_unread)
     method = None

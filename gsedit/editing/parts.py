@@ -15,7 +15,7 @@ from torch import Tensor
 from gsedit.editing.plan import COPY, MADE, PICTURE, key_of
 from gsedit.errors import UsageError
 from gsedit.formats.files import open_scene
-from gsedit.paper.protocol import Editor
+from gsedit.paper.protocol import Editor, truth_of
 from gsedit.scene.outcome import NEW, Outcome
 from gsedit.select.finder import Finder, Names
 from gsedit.select.phrase import gap, names
@@ -226,7 +226,7 @@ def editor_region(finder: Finder, editor: Editor | None, sentence: str) -> Regio
 def is_whole(editor: Editor | None, sentence: str) -> bool | None:
     """Whether a sentence is about the whole scene, and not its subject alone; None where it does
     not say. Editors with a known ground truth edit whole pictures."""
-    if editor is not None and editor.capabilities.find_ground_truth is not None:
+    if truth_of(editor) is not None:
         return True
     targets = {change.target for change in read_instruction(sentence).changes}
     if "background" in targets or not targets:

@@ -25,7 +25,7 @@ from gsedit.paper.actions import RollbackAction
 from gsedit.paper.diffusion.precision import has_bfloat16
 from gsedit.paper.edit_views import batch_of, find_ground_truth
 from gsedit.paper.evaluate import Drawing, evaluate_edit
-from gsedit.paper.protocol import Cost
+from gsedit.paper.protocol import Cost, StylePainter
 from gsedit.paper.request import Request, fits_pictures, request_record, uses_all_views
 from gsedit.paper.session import Session, UneditedRenders, Work, edit_camera, start_progress
 from gsedit.paper.skips import (
@@ -342,11 +342,11 @@ def _session(
     request, plan, weights = yield from survey_views(request, stopwatch, plan)
     unedited = UneditedRenders(request)
     progress = start_progress(request, stopwatch, noise_seed)
-    editor, prepare = request.editor, request.editor.capabilities.with_views
-    if prepare is not None:
+    editor = request.editor
+    if isinstance(editor, StylePainter):
         with stopwatch.stage("sample"):
             shown = torch.stack([unedited.edit_condition(i) for i in plan.views])
-            editor = prepare(request.prompt, shown)
+            editor = editor.with_views(request.prompt, shown)
     return Session(request, plan, weights, bands, unedited, progress, editor)
 
 

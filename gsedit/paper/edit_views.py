@@ -15,7 +15,7 @@ from gsedit.paper.consistency.correspond import Correspondences, correspond
 from gsedit.paper.consistency.harmonise import Surface, harmonise_by_depth
 from gsedit.paper.diffusion.settings import SamplerSettings
 from gsedit.paper.guided import carry_change
-from gsedit.paper.protocol import EditBatch, Editor
+from gsedit.paper.protocol import EditBatch, Editor, StylePainter, truth_of
 from gsedit.paper.session import Session, UneditedRenders, preview
 from gsedit.paper.view_plan import view_overlap
 from gsedit.run.events import Event
@@ -108,7 +108,7 @@ def edit_views(
     sampler, anchors = sampler or settings.sampler, settings.anchors
     edited, stopwatch = session.progress.edited, session.progress.stopwatch
     tied, matches = (), None
-    if session.editor.capabilities.matches:
+    if not isinstance(session.editor, StylePainter):
         tied = choose_anchors(session.weights, batch, tuple(edited.targets))[:anchors]
         with stopwatch.stage("correspond"):
             matches = match_views(session, (*batch, *tied))
@@ -202,11 +202,13 @@ def sample_views(
 
 def find_ground_truth(session: Session, edited: Mapping[int, Float[Tensor, "h w 3"]]) -> None:
     """Find the true edit that these pictures of views show, where the editor has one."""
-    find = session.request.editor.capabilities.find_ground_truth
-    if find is not None:
+    known = truth_of(session.request.editor)
+    if known is not None:
         images = torch.stack(list(edited.values()))
         originals = torch.stack([session.unedited.condition(i) for i in edited])
-        session.progress.edited.ground_truth = find(session.request.prompt, images, originals)
+        session.progress.edited.ground_truth = known.find_ground_truth(
+            session.request.prompt, images, originals
+        )
 
 
 def match_views(session: Session, members: Sequence[int]) -> Correspondences:

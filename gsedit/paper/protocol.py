@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, Literal, Protocol, runtime_checkable
 
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from gsedit.errors import UsageError
 from gsedit.paper.consistency.consensus import consensus
 from gsedit.paper.consistency.correspond import Correspondences
 from gsedit.paper.diffusion.guidance import Predictor
@@ -95,7 +94,7 @@ class Cost:
 
 @dataclass(frozen=True, eq=False)
 class Capabilities:
-    """Optional properties that an editor, or a denoiser, declares besides its methods.
+    """Optional properties that several editors, or denoisers, declare besides their methods.
     `Capabilities()` declares nothing; an editor around another forwards the other's record."""
 
     defaults: SamplerDefaults = field(default_factory=SamplerDefaults)
@@ -108,39 +107,16 @@ class Capabilities:
     best_size: int | None = None
     """Longer side, pixels, of the pictures that it edits best: larger views are edited at this size
     and the change is carried up. None: any size."""
-    batches: int | None = None
-    """Most batches of views where the settings leave it open. None: EditSettings.most_batches."""
     enlarges: bool = False
     """Whether smaller views are edited at `best_size` too, and the change is carried down: for
     networks that draw something else at a size that they were not trained at."""
-    find_ground_truth: (
-        Callable[[str, Float[Tensor, "v h w 3"], Float[Tensor, "v h w 3"]], GroundTruth | None]
-        | None
-    ) = None
-    """(prompt, edited views, their originals) -> the true edit that these views agreed on, or None;
-    with it the error of an edit can be measured. The true edit is of whole pictures, and so is an
-    instruction of such an editor. None for editors without one."""
-    paints_styles: bool = False
-    """Whether it draws the painting styles that gsedit.words reads, each in the part of the scene
-    that it is said of; any other editor gets a whole sentence as it is."""
     levels: Callable[[SamplerSettings, tuple[int, int]], list[NoiseLevel]] | None = None
     """(settings, rows and columns of latent cells) -> the levels that sampling steps between, for
     schedules that depend on the picture's size or on the number of steps. None: those that the
     settings divide the schedule into."""
-    distilled: bool = False
-    """Whether guidance was distilled away: then only the text's branch is predicted, and any other
-    weight is refused."""
     measure: Callable[[EditBatch, SamplerSettings], Cost] | None = None
     """Measure what a view costs, by one evaluation for a batch. None where that is little, or
     unknown."""
-    draws: bool = False
-    """Whether its pictures hold strokes, which no two views place alike: the scene then follows
-    one view where that leads, and the style of the pictures (gsedit.capture.fitting.strokes)."""
-    matches: bool = True
-    """Whether it uses correspondences: without, views are not matched, nor brought to agreement."""
-    with_views: Callable[[str, Float[Tensor, "v h w 3"]], Editor] | None = None
-    """(prompt, unedited pictures of all planned views) -> this editor, with what it takes from them
-    together and keeps for every later view. None where it takes nothing."""
 
 
 @runtime_checkable
@@ -171,6 +147,44 @@ class Editor(Protocol):
     ) -> Iterator[EditProgress]:
         """Edit the batch; yields at least once, the last item with the images."""
         ...
+
+
+@runtime_checkable
+class StylePainter(Editor, Protocol):
+    """An editor of the painting styles that gsedit.words reads, each in the part of the scene that
+    it is said of; any other gets a whole sentence as it is.
+
+    Its pictures hold strokes, which no two views place alike: views are not matched, and the scene
+    follows one view where that leads, and the pictures' style (gsedit.capture.fitting.strokes).
+    """
+
+    @property
+    def batches(self) -> int:
+        """Most batches of views where the settings leave it open."""
+        ...
+
+    def with_views(self, prompt: str, pictures: Float[Tensor, "v h w 3"]) -> Editor:
+        """This editor, with what it takes from the unedited pictures of all planned views together
+        and keeps for every later view."""
+        ...
+
+
+@runtime_checkable
+class KnowsTruth(Protocol):
+    """An editor, or its denoiser, whose true edit is known: the error of an edit can be measured.
+    The true edit is of whole pictures, and so are the instructions."""
+
+    def find_ground_truth(
+        self, prompt: str, edited: Float[Tensor, "v h w 3"], originals: Float[Tensor, "v h w 3"]
+    ) -> GroundTruth | None:
+        """The true edit that these views of an edit agreed on, or None."""
+        ...
+
+
+def truth_of(editor: Editor | None) -> KnowsTruth | None:
+    """The editor or its denoiser, whichever knows the true edit; None where neither does."""
+    sources = () if editor is None else (editor, editor.capabilities.denoiser)
+    return next((each for each in sources if isinstance(each, KnowsTruth)), None)
 
 
 @runtime_checkable
@@ -237,14 +251,5 @@ def levels_for(
 
 
 def for_settings(denoiser: Denoiser, settings: SamplerSettings) -> SamplerSettings:
-    """The settings without None. Raises UsageError for guidance of a model that has none."""
-    declared = denoiser.capabilities
-    settings = settings.with_defaults(declared.defaults)
-    if not declared.distilled:
-        return settings
-    if (weight := settings.scales[0]) != 1:
-        raise UsageError(
-            "this model was distilled to work without guidance, and would ignore guidance "
-            f"{weight:g}: leave it out"
-        )
-    return replace(settings, guidance_text=1.0, guidance_image=1.0)
+    """The settings without None."""
+    return settings.with_defaults(denoiser.capabilities.defaults)

@@ -13,7 +13,7 @@ import torch
 from gsedit.capture.fitting.update import check_installed
 from gsedit.errors import UsageError
 from gsedit.measures.features import MIN_SIDE, FeatureExtractor, FilterBank
-from gsedit.paper.protocol import Editor
+from gsedit.paper.protocol import Editor, StylePainter
 from gsedit.paper.settings import EditSettings
 from gsedit.run.json_lines import plain
 from gsedit.run.state import digest, digest_of
@@ -99,7 +99,7 @@ class Request:
     def keeps_strokes(self) -> bool:
         """Whether the scene is fitted to the strokes of a view where that leads, see
         gsedit.capture.fitting.strokes."""
-        draws, camera = self.editor.capabilities.draws, self.every_view[0].camera
+        draws, camera = isinstance(self.editor, StylePainter), self.every_view[0].camera
         tiny = min(camera.width, camera.height) < MIN_SIDE  # the features of strokes see nothing
         return self.solves and draws and not tiny and self.settings.update.strokes > 0
 
@@ -160,15 +160,16 @@ def _with_defaults(settings: EditSettings, editor: Editor, camera: Camera) -> Ed
 
     Views of this camera's size are edited larger where the editor enlarges, but photos never.
     """
-    declared = editor.capabilities
+    declared, batches = editor.capabilities, settings.batches
     size = settings.edit_size or declared.best_size
-    if declared.draws and size and not settings.edit_size:
-        size = round(size / settings.brush)
+    if isinstance(editor, StylePainter):
+        batches = editor.batches if batches is None else batches
+        if size and not settings.edit_size:
+            size = round(size / settings.brush)
     keeps = settings.condition == "photo" or not declared.enlarges
     if size and keeps and size >= max(camera.width, camera.height):
         size = None  # the views' own
     sampler = settings.sampler.with_defaults(declared.defaults)
-    batches = declared.batches if settings.batches is None else settings.batches
     return replace(settings, sampler=sampler, edit_size=size, batches=batches)
 
 

@@ -15,7 +15,7 @@ from torch import Tensor
 
 from gsedit.capture.fitting.optimizer import SceneOptimizer
 from gsedit.capture.fitting.update import MIN_SHOWN_SHARE, Target, rates
-from gsedit.paper.protocol import Editor, GroundTruth
+from gsedit.paper.protocol import Editor, GroundTruth, StylePainter
 from gsedit.paper.request import Request
 from gsedit.paper.view_plan import ViewPlan
 from gsedit.run.stopwatch import Stopwatch
@@ -88,7 +88,7 @@ class UneditedRenders:
         """A picture in [0, 1]. For editors that draw, the scene's mean color is where nothing is:
         black would be an edge to paint, and most of what a small object is normalised by."""
         picture = rendering.color.clamp(0, 1)
-        if not self.request.editor.capabilities.draws:
+        if not isinstance(self.request.editor, StylePainter):
             return picture
         return picture + (1 - rendering.alpha.clamp(0, 1))[..., None] * self._mean_color
 
@@ -222,7 +222,7 @@ class Session:
         """The edited picture of view i where the region shows, the unedited one elsewhere. What is
         drawn where nothing is, strokes around an object, is left out."""
         region, unedited = self.region, self.unedited
-        if region.is_all and self.editor.capabilities.draws:
+        if region.is_all and isinstance(self.editor, StylePainter):
             return edited * unedited.rendering(i).alpha.clamp(0, 1)[..., None].to(edited)
         if region.is_all:
             return edited

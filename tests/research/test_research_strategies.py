@@ -10,6 +10,7 @@ from gsedit import edit
 from gsedit.errors import UsageError
 from gsedit.measures.formulas import psnr
 from gsedit.paper.editors.command import Command
+from gsedit.paper.protocol import truth_of
 
 ALL = torch.ones(len(scene()), dtype=torch.bool)
 
@@ -20,7 +21,7 @@ def test_sds_approaches_the_truth_without_any_edited_picture():
     before, after = (
         torch.stack([v.image for v in each]) for each in (result.originals, result.finals)
     )
-    truth = editor.capabilities.find_ground_truth(PROMPT, after, before)(before)
+    truth = truth_of(editor).find_ground_truth(PROMPT, after, before)(before)
     assert psnr(after, truth) > psnr(before, truth) + 1
     assert editor.asked == []
     assert result.targets == ()

@@ -327,8 +327,8 @@ class ClosedForm:
 
     @property
     def capabilities(self) -> Capabilities:
-        """It runs no network; its edits, of whole pictures, have a known ground truth."""
-        return Capabilities(find_ground_truth=self.find_ground_truth)
+        """It runs no network."""
+        return Capabilities()
 
     def check(self, prompt: str) -> None:
         """Raise UsageError if the instruction names no look."""

@@ -58,12 +58,11 @@ class Klein(Model):
 
     @property
     def capabilities(self) -> Capabilities:
-        """Every model's; levels by size; and of a distilled model that guidance is refused."""
+        """Every model's, with levels by size."""
         return replace(
             super().capabilities,
             levels=self._levels,
             defaults=DISTILLED if self.distilled else GUIDED,
-            distilled=self.distilled,
         )
 
     @property

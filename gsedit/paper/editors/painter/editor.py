@@ -81,6 +81,7 @@ class Painter:
     moments: tuple[Moments, ...] | None = None
     """Statistics that layers are normalised by; None: those of each picture."""
     cell: int = CELL
+    batches: int = BATCHES
 
     def __post_init__(self) -> None:
         if not 0 <= self.strength <= 1:
@@ -95,16 +96,8 @@ class Painter:
 
     @property
     def capabilities(self) -> Capabilities:
-        """It draws, at a size of its own, and takes statistics from all planned views."""
-        return Capabilities(
-            best_size=BRUSH,
-            enlarges=True,
-            batches=BATCHES,
-            draws=True,
-            paints_styles=True,
-            matches=self.blocks > 0,
-            with_views=self.with_views,
-        )
+        """It draws at a size of its own."""
+        return Capabilities(best_size=BRUSH, enlarges=True)
 
     def check(self, prompt: str) -> None:
         """Raise UsageError for a sentence that asks for no style."""
