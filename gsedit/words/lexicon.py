@@ -7,6 +7,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
 
+from gsedit.words.names import named
+
 TABLE = Path(__file__).with_name("lexicon.txt")
 THINGS = TABLE.with_name("things.txt")
 ALIASES = TABLE.with_name("aliases.txt")
@@ -39,10 +41,16 @@ def rows_of(table: Path) -> list[tuple[str, str, list[str]]]:
     ]
 
 
+@lru_cache(1)
+def rows() -> list[tuple[str, str, list[str]]]:
+    """(kind, value, phrases) of each row of `lexicon.txt` and of each name of `names.txt`."""
+    return [*rows_of(TABLE), *named()]
+
+
 @lru_cache
 def names(kind: str) -> frozenset[str]:
-    """Names of a kind in `lexicon.txt`, as light or scenery: each has a painter of its own."""
-    return frozenset(value for told, value, _ in rows_of(TABLE) if told == kind)
+    """Names of a kind: of light, scenery, material and growth each has a painter of its own."""
+    return frozenset(value for told, value, _ in rows() if told == kind)
 
 
 @lru_cache
@@ -55,14 +63,13 @@ def things(kind: str) -> dict[str, str]:
 def looks() -> dict[str, tuple[str, ...]]:
     """Names of all that a scene can look like, by kind: material, light, scenery, style."""
     kinds = ("material", "light", "scenery")
-    named = {kind: tuple(v for told, v, _ in rows_of(TABLE) if told == kind) for kind in kinds}
-    found = {**named, "style": tuple(styles())}
-    return {kind: tuple(dict.fromkeys(each)) for kind, each in found.items()}
+    found = {kind: tuple(dict.fromkeys(v for k, v, _ in named() if k == kind)) for kind in kinds}
+    return {**found, "style": tuple(styles())}
 
 
 SETS = (
-    "tinge", "thing", "time", "adj", "trim", "paint", "made", "foreign", "too", "lack", "mend",
-    "act", "drawn", "flaw", "cure", "shade", "emits",
+    "tinge", "thing", "adj", "trim", "paint", "made", "foreign", "too", "lack", "mend",
+    "act", "drawn", "flaw", "cure", "shade",
 )  # fmt: skip
 """Kinds that tell more of a phrase, whatever else it means."""
 
@@ -101,9 +108,9 @@ def entries() -> dict[str, Entry]:
     for kind, value, phrases in rows_of(ALIASES):
         told = "look" if kind == "scenery" else kind
         table |= {phrase: Entry(told, value) for phrase in phrases if phrase not in table}
-    for kind, value, phrases in sorted(rows_of(TABLE), key=lambda row: row[0] not in SETS):
-        if kind == "material":
-            phrases = [value, *phrases]
+    for kind, value, phrases in sorted(rows(), key=lambda row: row[0] not in SETS):
+        if kind == "growth":  # read where a layer is asked for
+            continue
         told = "fill" if kind in SETS else "look" if kind == "scenery" else kind
         table.update({phrase: Entry(told, value or phrase) for phrase in phrases})
     return table | {name: Entry("look", name) for name in styles()}

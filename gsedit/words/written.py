@@ -10,12 +10,13 @@ from gsedit.words import lexicon
 from gsedit.words.colors import hexadecimal
 from gsedit.words.direct import light_of, routed
 from gsedit.words.instruction import MOST, Change, Instruction, Kind, Place, Side, Target
+from gsedit.words.names import TABLE
 
 NAMES = {
     "tone": ("brightness", "contrast", "saturation", "warmth", "shadows", "highlights",
              "sharpness", "hue", "grayscale", "sepia", "negative"),
     "object": ("remove", "scale", "turn", "move", "copy", "insert"),
-    "growth": tuple(lexicon.things("growth")),
+    "growth": tuple(TABLE["growths"]),
 }  # fmt: skip
 """Names of each kind that has few."""
 FIELDS = {"target", "kind", "name", "color", "amount", "phrase", "place", "keep", "route"}

@@ -9,15 +9,14 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float64
 
-from gsedit.change.tables import Row, read_table
 from gsedit.errors import UsageError
 from gsedit.scene.color_space import linear_of_srgb
 from gsedit.words.direct import light_of
+from gsedit.words.names import TABLE, Row
 
 Rgb = tuple[float, float, float]
 WHITE: Rgb = (1.0, 1.0, 1.0)
@@ -162,19 +161,19 @@ def direction_of(words: str) -> tuple[float | None, float | None]:
 
 
 def _setup(row: Row) -> LightSetup:
-    """A row of `lights.txt`, with its sun, lamps and fog."""
+    """A row of the table, with its sun, lamps and fog."""
     kinds = {"sun": Sun, "lamp": Lamp, "fog": Fog}
     made = [(name, kinds[name](**values)) for name, values in row.parts]
     lamps = tuple(lamp for name, lamp in made if name == "lamp")
     others = {name: part for name, part in made if name != "lamp"}
-    return LightSetup(**row.values, **others, lamps=lamps)
+    values = {key: value for key, value in row.values.items() if key not in ("time", "own")}
+    return LightSetup(**values, **others, lamps=lamps)
 
 
-LIGHTS: dict[str, LightSetup] = {
-    name: _setup(row)
-    for name, row in read_table(Path(__file__).with_name("lights.txt"))["lights"].items()
-}
-"""Lights by the names that `gsedit.words` gives them."""
+LIGHTS = {name: _setup(row) for name, row in TABLE["lights"].items()}
+"""Lights by the names that sentences give them."""
+SKIES = {name: _setup(row) for name, row in TABLE["skies"].items()}
+"""Lights that weathers bring, and no sentence names."""
 
 
 def setup_of(

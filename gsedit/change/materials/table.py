@@ -8,12 +8,11 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Literal
 
-from gsedit.change.tables import Row, read_table
 from gsedit.words.colors import between, longest
 from gsedit.words.direct import material_of as canonical
+from gsedit.words.names import TABLE, Row
 
 PatternName = Literal[
     "veins", "rings", "grain", "specks", "patches", "strata", "weave", "bricks", "crevices", "up"
@@ -117,20 +116,21 @@ def _layers(row: Row, clings: bool = False) -> tuple[Layer, ...]:
     )
 
 
-_TABLES = read_table(Path(__file__).with_name("materials.txt"))
 _NAMED = {
     name: Material(**row.values, layers=_layers(row), clings=_layers(row, clings=True))
-    for name, row in _TABLES["materials"].items()
+    for name, row in TABLE["materials"].items()
 }
 _WOODS = {
-    name: recolored(_NAMED["wood"], row.values["color"]) for name, row in _TABLES["timbers"].items()
+    name: recolored(_NAMED["wood"], row.values["color"]) for name, row in TABLE["timbers"].items()
 }
 MATERIALS: dict[str, Material] = _WOODS | _NAMED
 """All materials by name."""
-OVERS = {name: _layers(row) for name, row in _TABLES["overs"].items()}
+OVERS = {name: _layers(row) for name, row in TABLE["overs"].items()}
 """Layers that a sentence can put on another material."""
+COVERED = {word: name for name, row in TABLE["overs"].items() for word in row.words}
+"""Such layers by the adjectives that name them: rusty iron, mossy stone."""
 FINISHES: dict[str, dict[str, float]] = {
-    name: row.values for name, row in _TABLES["finishes"].items()
+    name: row.values for name, row in TABLE["finishes"].items()
 }
 """Parameters that a word for a finish sets."""
 BRUSHED = Layer("grain", "#000000", 0.5, 0.02, 1.0, 0.5)
@@ -190,10 +190,8 @@ def _overs(texts: list[str], known: str) -> list[Layer]:
 
 
 def _before(words: list[str], found: str) -> list[str]:
-    """The layers that adjectives name: rusty iron, mossy stone, snowy, dusty."""
-    adjectives = {"rusty": "rust", "mossy": "moss", "snowy": "snow", "dusty": "dust",
-                  "dirty": "dirt", "veined": "veins", "patinated": "patina"}  # fmt: skip
-    return [adjectives[word] for word in words if word in adjectives and found != adjectives[word]]
+    """The layers that adjectives name."""
+    return [COVERED[word] for word in words if word in COVERED and found != COVERED[word]]
 
 
 def _finished(material: Material, changes: dict[str, float]) -> Material:

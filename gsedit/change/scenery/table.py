@@ -26,7 +26,7 @@ from gsedit.change.light.relight import (
     step,
     survey,
 )
-from gsedit.change.light.table import LIGHTS, Fog, LightSetup, Sun
+from gsedit.change.light.table import LIGHTS, SKIES, LightSetup
 from gsedit.errors import UsageError
 from gsedit.scene.cache import cached_per_scene
 from gsedit.scene.color_space import LUMINANCE, lab_of_srgb, linear_of_srgb
@@ -37,6 +37,7 @@ from gsedit.toolkit.grade import GAMMA
 from gsedit.views.dataset import evenly_spaced
 from gsedit.views.noise import noise
 from gsedit.views.surroundings import find_surroundings, prefiltered, reflected
+from gsedit.words.names import TABLE, Row
 from rasterizer.camera import Camera
 from rasterizer.harmonics import basis
 from rasterizer.numerics import sh_to_color
@@ -478,33 +479,21 @@ class Scenery:
 
     light: LightSetup | None
     """Light that it comes in; None: the present light."""
-    effects: tuple[Effect, ...]
-    """Changes of surfaces, in order, of the scene in its present light."""
+    effect: Effect
+    """Change of surfaces, of the scene in its present light."""
     sheen: Sheen | None = None
     """Adds colors that depend on the view, to the scene after the effects."""
 
 
-OVERCAST = LightSetup((0.95, 0.99, 1.05), (0.35, 0.35, 0.36))
-RAIN = LightSetup(
-    (0.55, 0.6, 0.66), (0.15, 0.155, 0.16), saturation=0.72,
-    fog=Fog((0.5, 0.54, 0.57), 0.28, 0.3, 0.03), backdrop=(0.55, 0.59, 0.63),
-)  # fmt: skip
-HEAT = LightSetup((0.3, 0.27, 0.23), (0.22, 0.17, 0.11), Sun(-40.0, 58.0, 1.1, (1.0, 0.9, 0.7)))
+def _scenery(name: str, row: Row) -> Scenery:
+    """A row of the table; its functions are those of this module."""
+    light, effect, sheen = (row.values.get(key) for key in ("light", "effect", "sheen"))
+    found = {**SKIES, **LIGHTS}[light.replace("_", " ")] if light else None
+    return Scenery(found, globals()[effect or name], globals()[sheen] if sheen else None)
 
-SCENERIES: dict[str, Scenery] = {
-    "snow": Scenery(OVERCAST, (snow,)),
-    "frost": Scenery(OVERCAST, (frost,)),
-    "rain": Scenery(RAIN, (wet,), sheen=glossy),
-    "wet": Scenery(None, (wet,), sheen=glossy),
-    "desert": Scenery(HEAT, (desert,)),
-    "autumn": Scenery(None, (autumn,)),
-    "spring": Scenery(None, (spring,)),
-    "summer": Scenery(LIGHTS["sunny"], (summer,)),
-    "sketch": Scenery(None, (sketch,), penciled),
-    "watercolor": Scenery(None, (watercolor,)),
-    "underwater": Scenery(LIGHTS["underwater light"], (caustics,)),
-}
-"""Weather and seasons by the names that `gsedit.words` gives them."""
+
+SCENERIES = {name: _scenery(name, row) for name, row in TABLE["weathers"].items()}
+"""Weather and seasons by the names that sentences give them."""
 
 
 @cached_per_scene
@@ -523,9 +512,7 @@ def in_scenery(
         raise UsageError(f"there is no scenery {name!r}: choose one of {', '.join(SCENERIES)}")
     scenery = SCENERIES[name]
     found = survey(scene, cameras, seen)
-    after = scene
-    for effect in scenery.effects:
-        after = effect(Setting(after, found, cameras)).applied(after)
+    after = scenery.effect(Setting(scene, found, cameras)).applied(scene)
     if scenery.light is not None:
         after = relit_by(found, after, scenery.light)
     if scenery.sheen is not None:

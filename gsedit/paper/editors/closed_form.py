@@ -47,13 +47,13 @@ from jaxtyping import Float
 from torch import Tensor
 
 from gsedit.change.light.relight import step
-from gsedit.change.tables import Row, read_table
 from gsedit.errors import UsageError
 from gsedit.paper.diffusion.guidance import Branches, Need, Prediction
 from gsedit.paper.diffusion.schedules import Schedule
 from gsedit.paper.protocol import Capabilities, GroundTruth
 from gsedit.scene.color_space import srgb_of_hex
 from gsedit.views.image_ops import PadMode, rotate_hue
+from gsedit.words.names import Row, read_table
 from gsedit.words.read import read_instruction
 
 VARIANTS = 3

@@ -10,10 +10,11 @@ from gsedit.words.amounts import amount_of
 from gsedit.words.called import FILE_NOUN, NUMBERED
 from gsedit.words.direct import light_of
 from gsedit.words.instruction import MOST, Change
-from gsedit.words.lexicon import sets, things
+from gsedit.words.lexicon import things
 from gsedit.words.marks import values
 from gsedit.words.marks.actions import action, inserted
 from gsedit.words.marks.marked import BACKGROUND, PRONOUN, WHOLE, Asked, Marked, loose
+from gsedit.words.names import lights
 from gsedit.words.phrases import IT
 from gsedit.words.refusals import Refused
 from gsedit.words.scan import scanned
@@ -78,7 +79,7 @@ def _refuse_two(changes: Sequence[Change]) -> None:
     """Raise Refused for two coats of one part, and for two times of day."""
     coats = [(c.target, c.phrase) for c in changes if c.kind in ("paint", "material")
              and c.name != values.GLOW]  # fmt: skip
-    times = [c for c in changes if c.kind == "light" and light_of(c.name) in sets()["time"]]
+    times = [c for c in changes if c.kind == "light" and light_of(c.name) in lights("time")]
     if len(set(coats)) < len(coats) or len(times) > 1:
         raise Refused("two")
 

@@ -7,16 +7,18 @@ from functools import lru_cache
 
 from gsedit.words import colors, lexicon
 from gsedit.words.amounts import Amount
-from gsedit.words.direct import SCENERIES, light_of, routed
+from gsedit.words.direct import LIGHTS, SCENERIES, light_of, routed
 from gsedit.words.instruction import Change
 from gsedit.words.marks.marked import Asked
+from gsedit.words.names import lights
 from gsedit.words.refusals import Refused
 from gsedit.words.scan import Word, normalised, scanned, tokens
 from gsedit.words.tones import tone
 
-GROWTH, LAMPS, UNSIDED = (frozenset(lexicon.things(kind)) for kind in ("growth", "lamp", "unsided"))
-"""Layers that lie on what faces the sky, lights whose brightness is their own, and lights from no
-side."""
+GROWTH, LAMPS = lexicon.names("growth"), lights("own")
+"""Layers that lie on what faces the sky, and lights whose brightness is their own."""
+UNSIDED = LIGHTS - lights("sun") - lights("lamp")
+"""Lights from no side."""
 GLOW = "glow"
 """Material of any color."""
 FROM = {
@@ -37,7 +39,7 @@ SEAL = 0.5
 @lru_cache(8)
 def _facts(kind: str) -> dict[str, str]:
     """Names of a kind by the phrases that tell it, whatever else they mean."""
-    rows = (*lexicon.rows_of(lexicon.TABLE), *lexicon.rows_of(lexicon.ALIASES))
+    rows = (*lexicon.rows(), *lexicon.rows_of(lexicon.ALIASES))
     return {
         phrase: value for told, value, phrases in rows if told == kind
         for phrase in (value, *phrases)

@@ -23,6 +23,7 @@ from gsedit.scene.neighbors import k_nearest
 from gsedit.scene.quantiles import weighted_quantile
 from gsedit.toolkit.grade import GAMMA
 from gsedit.views.noise import noise
+from gsedit.words.names import TABLE, Row
 
 EVEN = 0.5
 """Share of an even sky in the light: the present one is told from colors that are not its own."""
@@ -234,28 +235,17 @@ class Growth:
     """Scenery of what it does not reach, as far trees, where it is everywhere."""
 
 
-GROWTHS: dict[str, Growth] = {
-    "snow": Growth(
-        snowy, "layer", 0.02, 0.004, (0.7, 0.77, 0.89), (0.975, 0.98, 0.99),
-        "faces up and sees the sky", smooth=16, weather="snow",
-    ),
-    "moss": Growth(
-        mossy, "tufts", 0.008, 0.0045, (0.2, 0.27, 0.09), (0.45, 0.53, 0.2),
-        "is damp and shaded", mottle=0.16, around=True, each=2,
-    ),
-    "dust": Growth(
-        dusty, "layer", 0.003, 0.004, (0.56, 0.53, 0.48), (0.82, 0.77, 0.69),
-        "faces up", opacity=0.58, mottle=0.04, edge=0.1,
-    ),
-    "ice": Growth(
-        icy, "layer", 0.006, 0.004, (0.55, 0.74, 0.92), (0.88, 0.97, 1.06),
-        "faces up and sees the sky", opacity=0.34, mottle=0.08, hides=False,
-    ),
-    "leaves": Growth(
-        littered, "leaves", 0.045, 0.006, (0.75, 0.72, 0.72), (1.0, 1.0, 1.0),
-        "is level and sees the sky", mottle=0.12, edge=0.2, hides=False,
-    ),
-}  # fmt: skip
+def _growth(row: Row) -> Growth:
+    """A row of the table; the function of `where` is of this module."""
+    values = dict(row.values, where=globals()[row.values["where"]])
+    for name, more in row.parts:
+        values |= more or {"requirement": name.removeprefix("needs ")}
+    for counted in {"each", "smooth"} & values.keys():
+        values[counted] = int(values[counted])
+    return Growth(**values)
+
+
+GROWTHS = {name: _growth(row) for name, row in TABLE["growths"].items()}
 """Growths by the names that sentences give them."""
 
 
