@@ -1,9 +1,10 @@
-"""Amounts that words give: a factor of what is there, or a share that is added."""
+"""Amounts that words give: a factor of what is there, or a share that is added; usual tones."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+from gsedit.words.instruction import Change
 from gsedit.words.scan import Word
 
 OF_NOW = ("to", "at")
@@ -22,29 +23,49 @@ class Amount:
     """Share of a full circle."""
 
 
+def number_of(words: list[Word]) -> float | None:
+    """The number of words, 1.5 for "one and a half"; that of a factor first, None without any."""
+    numbers = (at for at, word in enumerate(words) if word.kind in ("number", "fraction"))
+    factors = (word.number for word in words if word.kind == "factor")
+    first = next(numbers, None)
+    return next(factors, None if first is None else _number_at(words, first)[0])
+
+
+def _number_at(words: list[Word], at: int) -> tuple[float, int]:
+    """(number that begins with a word, place of its last word)."""
+    number = words[at].number
+    rest = [i for i in range(at + 1, len(words)) if words[i].text not in ("and", "a", "an")]
+    after = words[rest[0]] if rest else None
+    if after is None or words[at].kind == "factor":
+        return number, at
+    if after.kind == "fraction":
+        added = words[at + 1].text == "and"
+        return number + after.number if added else number * after.number, rest[0]
+    if after.kind == "number" and number >= 20 and after.number < 10:
+        return number + after.number, rest[0]
+    return (number * 100, rest[0]) if after.text == "hundred" else (number, at)
+
+
 def amount_of(words: list[Word]) -> Amount:
     """Amount of words; an empty one where none is said."""
-    total, last = 0.0, None
-    for at, word in enumerate(words):
-        after = words[at + 1] if at + 1 < len(words) else None
+    at = -1
+    while (at := at + 1) < len(words):
+        word = words[at]
         if word.value == "stops" and words[at - 1].text == "a":
             return Amount(factor=2.0)
         if word.kind == "factor":
             return Amount(factor=word.number)
-        if word.kind == "fraction" and any(w.value == "stops" for w in words[at + 1 : at + 4]):
-            return Amount(factor=2.0 ** (word.number * (last or 1.0)))
-        if word.kind == "fraction" and not (after and after.kind == "number"):
-            return _fraction(words, at, word.number * (last or 1.0))
-        if word.kind == "number":
-            beside = (*words[at - 1 : at], *words[at + 1 : at + 2])
-            if word.number == 0 and any(each.kind == "noun" for each in beside):
-                return Amount(factor=0.0)
-            if after and after.kind == "number" and word.number >= 20 and after.number < 10:
-                total = word.number
-                continue
-            last = total + word.number
-            if found := _number(words, at, last):
-                return found
+        if word.kind not in ("number", "fraction"):
+            continue
+        beside = (*words[at - 1 : at], *words[at + 1 : at + 2])
+        if word.number == 0 and any(each.kind == "noun" for each in beside):
+            return Amount(factor=0.0)
+        number, at = _number_at(words, at)
+        if words[at].kind == "fraction":
+            stops = any(each.value == "stops" for each in words[at + 1 : at + 4])
+            return Amount(factor=2.0**number) if stops else _fraction(words, at, number)
+        if found := _number(words, at, number):
+            return found
     return Amount()
 
 
@@ -62,8 +83,6 @@ def _number(words: list[Word], at: int, number: float) -> Amount | None:
             return Amount(factor=number)
         case "degrees":
             return Amount(turn=number / 360)
-    if after and after.kind == "fraction":
-        return None
     added = word.text[0] in "+-" or (before is not None and before.text == "by")
     added |= any(each.kind in ("up", "down") for each in words)
     if "." in word.text or "/" in word.text:
@@ -89,3 +108,15 @@ def _fraction(words: list[Word], at: int, share: float) -> Amount:
     remains = after == "as" or (after in ("of", "the") and "by" not in before) or "to" in before
     remains |= noun
     return Amount(factor=share) if remains else Amount(share=share)
+
+
+DEFAULT = {"brightness": 0.2, "contrast": 0.25, "saturation": 0.3, "warmth": 0.25, "hue": 1 / 12,
+           "shadows": 0.3, "highlights": 0.3, "sharpness": 0.3}  # fmt: skip
+"""Share of a tone that is asked for without a number; plain to see, and no color is clipped."""
+SLIGHT, STRONG = 0.5, 1.75
+"""Shares of it for "a little" and for "much"."""
+
+
+def tone(name: str, amount: float | None, color: str | None = None) -> Change:
+    """Change of a tone of the whole scene."""
+    return Change("scene", "tone", name, color, amount, "tone")

@@ -14,7 +14,7 @@ from plain_scenes import cloud, same_bits
 from torch import Tensor
 
 from gsedit.change.objects import remove
-from gsedit.change.objects.removal.remove import (
+from gsedit.change.objects.removal.belongings import (
     between_feet,
     mirrored_under,
     missed,

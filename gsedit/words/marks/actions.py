@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 
+from gsedit.words.amounts import number_of
 from gsedit.words.instruction import Change, Place, Side
 from gsedit.words.marks.marked import Asked
 from gsedit.words.phrases import IT
@@ -63,21 +64,6 @@ SAME = re.compile(
 )
 
 
-def number_of(amount: str) -> float | None:
-    """The number in words of an amount: 0.5 for "half a", 1.5 for "one and a half"."""
-    words = [word for word in scanned(amount) if word.kind in ("number", "fraction", "factor")]
-    if not words:
-        return None
-    first = next((word for word in words if word.kind == "factor"), words[0]).number
-    if len(words) > 1 and words[1].kind == "fraction":
-        return first + words[1].number if " and " in amount else first * words[1].number
-    if len(words) > 1 and first >= 20 and words[1].kind == "number" and words[1].number < 10:
-        return first + words[1].number
-    if len(words) > 1 and words[1].text == "hundred":
-        return first * 100
-    return first
-
-
 def action(asked: Asked, text: str, phrase: str) -> Change:
     """The change of an object that is asked for, of what a phrase names. Raises Refused."""
     if asked.deed != "turn" and UNREAL.match(asked.of):
@@ -98,7 +84,7 @@ def _scale(asked: Asked, text: str, phrase: str) -> tuple[float, None]:
 
 def _factor(asked: Asked, text: str) -> float | None:
     """Factor of size by an amount: 1.2 for "20 % larger", 0.5 for "to half"; None for none."""
-    number, sign, said = number_of(asked.amount), asked.sign or 1, asked.amount
+    number, sign, said = number_of(scanned(asked.amount)), asked.sign or 1, asked.amount
     if number is None or number < 0:
         return None
     remains = said.startswith(("to ", "at ")) or asked.after.lower() in ("of", "as", "the", "its")
@@ -122,7 +108,7 @@ def _factor(asked: Asked, text: str) -> float | None:
 
 
 def _turn(asked: Asked, text: str, phrase: str) -> tuple[float, None]:
-    number, said = number_of(asked.amount), asked.amount
+    number, said = number_of(scanned(asked.amount)), asked.amount
     part = next((degrees for name, degrees in TURNS.items() if name in said), None)
     if part is not None:
         degrees = part * (3 if "three" in said else 1)
@@ -139,7 +125,7 @@ def _turn(asked: Asked, text: str, phrase: str) -> tuple[float, None]:
 
 
 def _copy(asked: Asked, text: str, phrase: str) -> tuple[float | None, Place]:
-    number = number_of(asked.amount)
+    number = number_of(scanned(asked.amount))
     count = int(number) if number is not None and number >= 1 else 1
     if count > MOST_COPIES:
         raise Refused("copies")
@@ -163,7 +149,7 @@ def _move(asked: Asked, text: str, phrase: str) -> tuple[float | None, Place]:
 
 def _distance(asked: Asked) -> tuple[float | None, bool, bool]:
     """(how far, whether in units of the scene, whether in metres)."""
-    number, said = number_of(asked.amount), asked.amount
+    number, said = number_of(scanned(asked.amount)), asked.amount
     if number is None:
         return FAR[asked.degree], False, False
     if unit := UNIT.search(said):

@@ -10,7 +10,6 @@ import re
 from collections.abc import Sequence
 from functools import lru_cache
 
-from gsedit.words.called import FILE_NOUN
 from gsedit.words.instruction import Change
 from gsedit.words.marks.marked import Asked, Marked, pieces, told
 from gsedit.words.marks.meaning import changes_of
@@ -106,7 +105,7 @@ def denied(said: Marked) -> bool:
 
 def unsure(said: Marked, files: Sequence[str] = ()) -> bool:
     """Whether what is marked, or that nothing more is, is not sure; that files are put in is."""
-    asked = (each for each in said.asked if not (files and FILE_NOUN in each.of.split()))
+    asked = (each for each in said.asked if not (files and each.of_file))
     least = min((each.sure for each in asked), default=1.0)
     doubted = any(turned(each, said.text) or crossed(each, said.text) for each in said.asked)
     return doubted or least < UNSURE or said.more > MORE or said.kept_more > KEPT_MORE

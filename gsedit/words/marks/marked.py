@@ -9,6 +9,8 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
+from gsedit.words.called import FILE_NOUN
+
 VOCABULARY = Path(__file__).with_name("vocabulary.txt")
 """Pieces of words, one a line, in the order of the network's embeddings."""
 WORD = re.compile(r"[^\W\d_]+|\d+(?:[.,]\d+)?|\S")
@@ -188,6 +190,11 @@ class Asked:
     """The likeliest names of the lexicon, the value first."""
     sure: float
     """Least probability of what was chosen: the deed, its tone, its part and its sign."""
+
+    @property
+    def of_file(self) -> bool:
+        """Whether a noun that stands for a file is what changes."""
+        return FILE_NOUN in self.of.split()
 
 
 @dataclass(frozen=True)

@@ -6,19 +6,18 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 
-from gsedit.words.amounts import amount_of
-from gsedit.words.called import FILE_NOUN, NUMBERED
+from gsedit.words.amounts import DEFAULT, SLIGHT, STRONG, amount_of, tone
+from gsedit.words.called import NUMBERED
 from gsedit.words.direct import light_of
 from gsedit.words.instruction import MOST, Change
 from gsedit.words.lexicon import things
 from gsedit.words.marks import values
-from gsedit.words.marks.actions import action, inserted
+from gsedit.words.marks.actions import UNREAL, action, inserted
 from gsedit.words.marks.marked import BACKGROUND, PRONOUN, WHOLE, Asked, Marked, loose
 from gsedit.words.names import lights
 from gsedit.words.phrases import IT
 from gsedit.words.refusals import Refused
 from gsedit.words.scan import scanned
-from gsedit.words.tones import DEFAULT, SLIGHT, STRONG, tone
 
 SCALES = {"": 1.0, "little": SLIGHT, "much": STRONG}
 """Shares of a tone's usual amount."""
@@ -42,7 +41,7 @@ def changes_of(said: Marked, files: Sequence[str] = ()) -> list[Change]:
     """Changes of what is marked in a sentence. Raises Refused for what nothing does."""
     found, last, left = list[Change](), "", list(files)
     for asked in said.asked:
-        put = FILE_NOUN in asked.of.split() and asked.deed in ("move", "copy")
+        put = asked.of_file and asked.deed in ("move", "copy")
         if left and (put or asked.deed == "insert"):
             change = inserted(left.pop(0), asked)
         else:
@@ -115,7 +114,7 @@ def _change(asked: Asked, text: str) -> Change:
     dim = found is not None and found.kind == "light" and found.name.startswith("lamp")
     if found is None or (dim and asked.value not in ("", "lamp")):
         found = found if asked.value_sure < values.SEAL else None
-    if found is None and "shadow" in asked.name:
+    if found is None and UNREAL.match(asked.name):
         raise Refused("unreal")
     if found is None and (asked.deed != "look" or not asked.name):
         found = values.meant(asked.value, asked.value_sure, asked.deed, asked.side, asked.degree)

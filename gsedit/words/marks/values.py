@@ -6,14 +6,13 @@ from dataclasses import replace
 from functools import lru_cache
 
 from gsedit.words import colors, lexicon
-from gsedit.words.amounts import Amount
+from gsedit.words.amounts import Amount, tone
 from gsedit.words.direct import LIGHTS, SCENERIES, light_of, routed
 from gsedit.words.instruction import Change
 from gsedit.words.marks.marked import Asked
 from gsedit.words.names import lights
 from gsedit.words.refusals import Refused
 from gsedit.words.scan import Word, normalised, scanned, tokens
-from gsedit.words.tones import tone
 
 GROWTH, LAMPS = lexicon.names("growth"), lights("own")
 """Layers that lie on what faces the sky, and lights whose brightness is their own."""

@@ -29,7 +29,8 @@ from gsedit.change.objects.placing.placement import (
     check_placement,
 )
 from gsedit.change.objects.placing.stance import STEP, Stance, middle_of, size_of, stance_of
-from gsedit.change.objects.removal.remove import remove, tidied
+from gsedit.change.objects.removal.belongings import tidied
+from gsedit.change.objects.removal.remove import remove
 from gsedit.scene.outcome import NEW, Outcome, check_finite, same
 from gsedit.scene.quaternions import axis_rotation, turn_between
 from gsedit.scene.similarity import IDENTITY, Similarity

@@ -130,7 +130,7 @@ def as_seen(scene: Gaussians, sheet: Sheet, plane: Plane, thing: Object, views: 
     places = sheet.points()[hole.reshape(-1)]
     eyes = torch.stack([sight.camera.center.double() for sight in views.sights])
     colors, shown = [], []
-    for sight, height in zip(views.sights, plane.heights(eyes.numpy())[:, None]):
+    for sight, height in zip(views.sights, plane.heights(eyes.numpy()).tolist()):
         row, column, free = beside_image(places, image, sight, height, plane.band)
         shown.append(free)
         colors.append(render(scene, sight.camera).color.double()[row, column])

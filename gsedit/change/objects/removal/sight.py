@@ -125,6 +125,14 @@ def _pixels_of(
     return row.clip(0, h - 1), column.clip(0, w - 1), z, shown
 
 
+def _under(
+    depth: Float[np.ndarray, "h w"], pixels: tuple[np.ndarray, ...], height: float
+) -> Float64[np.ndarray, " m"]:
+    """How far under a plane that a camera is over by `height` the surface of pixels lies."""
+    row, column, z, shown = pixels
+    return np.where(shown, (depth[row, column] / np.where(shown, z, 1.0) - 1) * height, -np.inf)
+
+
 def testify(
     points: Float64[np.ndarray, "m 3"],
     heights: Float64[np.ndarray, " v"],
@@ -142,13 +150,9 @@ def testify(
     for sight, height, rest in zip(views.sights, heights, views.depth):
         if height <= tolerance:
             continue
-        row, column, z, shown = _pixels_of(points, sight)
+        pixels = row, column, _, shown = _pixels_of(points, sight)
         outlined = sight.outline[row, column] & shown
-        # how far under the plane, or over it, the surface of the pixel lies
-        under, under_left = (
-            np.where(shown, (d[row, column] / np.where(shown, z, 1.0) - 1) * height, -np.inf)
-            for d in (sight.depth, rest)
-        )
+        under, under_left = (_under(depth, pixels, height) for depth in (sight.depth, rest))
         open_ = shown & (under_left > -tolerance)
         revealed += outlined & open_
         covered += shown & ~open_
@@ -161,7 +165,7 @@ def beside_image(
     points: Float64[np.ndarray, "m 3"],
     image: Float64[np.ndarray, "k 3"],
     sight: Sight,
-    height: Float64[np.ndarray, "1"],
+    height: float,
     tolerance: float,
 ) -> tuple[np.ndarray, np.ndarray, Bool[np.ndarray, " m"]]:
     """Row and column of points of a plane, and whether a view shows them beside the object and its
@@ -171,5 +175,6 @@ def beside_image(
     shown[row[within], column[within]] = True
     rim = max(1, round(HALO * np.sqrt(sight.outline.sum())))
     outline = sight.outline | widened(closed(shown, 2), rim)
-    alone = Views([replace(sight, outline=outline)], [sight.depth], [])
-    return *_pixels_of(points, sight)[:2], testify(points, height, alone, tolerance)[2] > 0
+    pixels = row, column, _, free = _pixels_of(points, sight)
+    free = free & ~outline[row, column] & (_under(sight.depth, pixels, height) > -tolerance)
+    return row, column, free & (height > tolerance)
