@@ -28,14 +28,7 @@ from gsedit.paper.evaluate import Drawing, evaluate_edit
 from gsedit.paper.protocol import Cost, StylePainter
 from gsedit.paper.request import Request, fits_pictures, request_record, uses_all_views
 from gsedit.paper.session import Session, UneditedRenders, Work, edit_camera, start_progress
-from gsedit.paper.skips import (
-    DISABLED,
-    TERMINAL_COLUMNS,
-    Decision,
-    decide_views,
-    one_line,
-    screen,
-)
+from gsedit.paper.skips import DISABLED, TERMINAL_COLUMNS, Decision, decide_views, one_line, screen
 from gsedit.paper.view_plan import ViewPlan, plan_views, random_plan, survey, wholeness
 from gsedit.run.events import Checkpoint, Event, as_record, events_of, returned
 from gsedit.run.json_lines import plain

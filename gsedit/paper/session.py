@@ -48,7 +48,7 @@ class UneditedRenders:
     def _rendering(self, i: int, camera: Camera) -> Rendering:
         key = i, camera.width
         if key not in self._renderings:
-            self._renderings[key] = self._render(camera)
+            self._renderings[key] = render_with_depth(self.request.scene, camera)
         return self._renderings[key]
 
     def picture(self, i: int) -> Float[Tensor, "h w 3"]:
@@ -106,9 +106,6 @@ class UneditedRenders:
             share = coverage(region, request.scene, camera)
             known = self._coverages[i] = (region, share)
         return known[1]
-
-    def _render(self, camera: Camera) -> Rendering:
-        return render_with_depth(self.request.scene, camera)
 
 
 @torch.no_grad()

@@ -53,7 +53,7 @@ def parse_json(
 ) -> Any:
     """The value of a text of JSON, as `check` returns it. Raises InputError; `where` begins it."""
     try:
-        value = json.loads(data, parse_int=_integer)
+        value = json.loads(data, parse_int=lambda n: int(n) if len(n) <= 19 else float(n))
     except json.JSONDecodeError as error:
         place = f"line {error.lineno}, column {error.colno}"
         raise InputError(f"{where}: {place}: {error.msg}: {advice}") from None
@@ -150,10 +150,6 @@ def object_of(needed: Mapping[str, Check], optional: Mapping[str, Check] | None 
         return found
 
     return check
-
-
-def _integer(digits: str) -> int | float:
-    return int(digits) if len(digits) <= 19 else float(digits)  # or infinity
 
 
 def _short(value: Any) -> str:

@@ -32,11 +32,6 @@ TASKS = Path("/proc/self/task")
 """Folder of this process's threads, on Linux."""
 
 
-def is_decided(choice: int = TORCH_CHOICE) -> bool:
-    """Whether the user has said how many threads there are to be, where torch's choice is known."""
-    return torch.get_num_threads() != choice or any(map(os.environ.get, DECIDED_BY))
-
-
 def waited_seconds(tasks: Path = TASKS) -> float | None:
     """Seconds that the threads of this process were ready but had no processor, summed.
 
@@ -84,7 +79,8 @@ class StepThreads:
     def step(self) -> Iterator[None]:
         """Make one step inside, on as many threads as there are processors for."""
         count = torch.get_num_threads()
-        if count == 1 or is_decided(self._choice):
+        told = count != self._choice or any(map(os.environ.get, DECIDED_BY))
+        if count == 1 or told:  # the user has said how many there are to be
             yield
             return
         with on_threads(max(1, count - self._fewer)):

@@ -17,8 +17,8 @@ from scipy.ndimage import distance_transform_edt
 from torch import Tensor
 
 from gsedit.errors import Said, UsageError
+from gsedit.scene.framing import weighted_quantile
 from gsedit.scene.neighbors import extent_of
-from gsedit.scene.quantiles import weighted_quantile
 from gsedit.select.layers import level_patches
 from gsedit.select.parts import parts
 from gsedit.select.region import Region, cut_out

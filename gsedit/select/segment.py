@@ -15,8 +15,8 @@ import torch
 from jaxtyping import Bool, Float64, Int
 from torch import Tensor
 
+from gsedit.scene.framing import weighted_quantile
 from gsedit.scene.neighbors import extent_of, k_nearest, linked
-from gsedit.scene.quantiles import weighted_quantile
 from gsedit.select.layers import find_stacks, flush, joints_of, numbered
 from gsedit.select.surfaces import Surfaces, look
 from rasterizer.camera import Camera

@@ -22,8 +22,8 @@ from torch.nn.functional import interpolate, max_pool2d
 
 from gsedit.errors import InputError
 from gsedit.scene.cache import cached_per_scene
+from gsedit.scene.framing import weighted_quantile
 from gsedit.scene.neighbors import linked
-from gsedit.scene.quantiles import weighted_quantile
 from gsedit.select.layers import numbered
 from gsedit.select.region import Lifted, Region, everything, lift, within_silhouette
 from gsedit.select.segment import Segments, segment_surfaces

@@ -15,8 +15,8 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from gsedit.formats.mesh import turned_to
+from gsedit.scene.framing import ends, weighted_quantile
 from gsedit.scene.neighbors import k_nearest
-from gsedit.scene.quantiles import ends, weighted_quantile
 from gsedit.views.dataset import evenly_spaced
 from gsedit.views.depth import SeenSurface, seen_surface
 from gsedit.views.normals import all_around, visible_area

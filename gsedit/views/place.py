@@ -13,8 +13,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.scene.framing import bounds, guess_up
-from gsedit.scene.quantiles import weighted_quantile
+from gsedit.scene.framing import bounds, guess_up, weighted_quantile
 from gsedit.views.orbit import perpendicular
 from gsedit.views.paths import common_point, up_of
 from rasterizer.camera import Camera

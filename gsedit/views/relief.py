@@ -14,7 +14,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from gsedit.scene.quantiles import ends
+from gsedit.scene.framing import ends
 from gsedit.views.orbit import parallel, perpendicular
 from rasterizer.camera import Camera
 from rasterizer.render import render

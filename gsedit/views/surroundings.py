@@ -22,8 +22,7 @@ from jaxtyping import Bool, Float, Float64, Int
 from torch import Tensor
 
 from gsedit.scene.color_space import LUMINANCE, linear_of_srgb
-from gsedit.scene.framing import guess_up
-from gsedit.scene.quantiles import ends, weighted_quantile
+from gsedit.scene.framing import ends, guess_up, weighted_quantile
 from rasterizer.camera import Camera, look_at
 from rasterizer.render import render
 from rasterizer.scene import Gaussians

@@ -7,8 +7,8 @@ from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 from gsedit.formats.registry import READABLE
-from gsedit.words.direct import LIKE
 from gsedit.words.instruction import Change
+from gsedit.words.lexicon import LIKE
 
 SUFFIX = rf"(?:{'|'.join(map(re.escape, READABLE))})\b"
 FILE = re.compile(rf"\"[^\"]+{SUFFIX}\"|'[^']+{SUFFIX}'|[^\s\"',;]+{SUFFIX}", re.IGNORECASE)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
 
-from gsedit.words.names import named
+from gsedit.words.instruction import Change
+from gsedit.words.names import LIGHTS, SCENERIES, light_of, named
 
 TABLE = Path(__file__).with_name("lexicon.txt")
 THINGS = TABLE.with_name("things.txt")
@@ -131,3 +133,21 @@ def shades() -> dict[str, tuple[float, float]]:
     """Step in lightness L* and factor of chroma of each word such as "dark" before a color."""
     rows = [(value.split(), phrases) for kind, value, phrases in rows_of(TABLE) if kind == "shade"]
     return {each: (float(step), float(chroma)) for (step, chroma), row in rows for each in row}
+
+
+LIKE = "the given picture"
+"""Name of the style of a picture that is given beside the sentence."""
+
+
+def routed(change: Change) -> Change:
+    """A change with the route that does it: an editor of any sentence where none here does."""
+    if change.kind in ("tone", "paint", "material"):
+        return replace(change, route=change.kind)
+    if change.kind in ("object", "growth"):
+        return replace(change, route="object")
+    if change.kind == "light" and light_of(change.name) in LIGHTS:
+        return replace(change, route="light")
+    if change.kind == "look" and change.name in SCENERIES:
+        return replace(change, route="scenery")
+    drawn = change.kind == "look" and (change.name == LIKE or change.name in styles())
+    return replace(change, route="style" if drawn else "pix2pix")

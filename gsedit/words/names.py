@@ -70,3 +70,14 @@ def lights(key: str) -> frozenset[str]:
     """Names of the lights that have a value or a part: `time`, `own`, `sun`, `lamp`."""
     rows = TABLE["lights"].items()
     return frozenset(name for name, row in rows if key in {*row.values, *dict(row.parts)})
+
+
+LIGHTS, SCENERIES = frozenset(TABLE["lights"]), frozenset(TABLE["weathers"])
+"""Names of the lights, and of weather, seasons and drawings."""
+
+
+def light_of(name: str) -> str:
+    """The light that a name such as "sunset from the left" begins with; the name without one."""
+    words = name.split()
+    starts = (" ".join(words[:end]) for end in range(len(words), 0, -1))
+    return next((start for start in starts if start in LIGHTS), name)

@@ -12,9 +12,8 @@ from collections.abc import Collection
 
 from gsedit.errors import Said
 from gsedit.words.called import called
-from gsedit.words.direct import LIKE
 from gsedit.words.instruction import Change, Instruction, Target
-from gsedit.words.lexicon import styles
+from gsedit.words.lexicon import LIKE, styles
 from gsedit.words.marks.heard import heard
 from gsedit.words.phrases import DEFINITE, with_base, without_base
 from gsedit.words.refusals import Refused, first_refusal, reason

@@ -8,9 +8,9 @@ from typing import Any, get_args
 from gsedit.errors import UsageError
 from gsedit.words import lexicon
 from gsedit.words.colors import hexadecimal
-from gsedit.words.direct import light_of, routed
 from gsedit.words.instruction import MOST, Change, Instruction, Kind, Place, Side, Target
-from gsedit.words.names import TABLE
+from gsedit.words.lexicon import routed
+from gsedit.words.names import TABLE, light_of
 
 NAMES = {
     "tone": ("brightness", "contrast", "saturation", "warmth", "shadows", "highlights",

@@ -17,8 +17,7 @@ from gsedit.scene.picture import render_picture
 from gsedit.select.finder import Finder, Names
 from gsedit.select.saved import save_named
 from gsedit.views.viewpoints import viewpoints_of
-from gsedit.words.direct import LIKE
-from gsedit.words.lexicon import styles
+from gsedit.words.lexicon import LIKE, styles
 from gsedit.words.read import read_instruction
 
 PARTS = ("the whole scene", "the subject", "the background", "the red one", "all but the red chair")

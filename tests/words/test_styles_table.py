@@ -1,7 +1,6 @@
 from collections import Counter
 
-from gsedit.words.direct import LIKE
-from gsedit.words.lexicon import LONGEST, TABLE, names, near_styles, rows_of, style_words, styles
+from gsedit.words.lexicon import LIKE, LONGEST, TABLE, names, near_styles, rows_of, style_words
 from gsedit.words.scan import scanned, tokens
 
 EVERY = rows_of(TABLE.with_name("styles.txt"))
@@ -30,4 +29,4 @@ def test_no_phrase_but_a_name_has_another_meaning():
 
 def test_every_look_without_a_route_has_three_near_styles():
     assert near_styles().keys() | {LIKE} >= names("look") >= near_styles().keys()
-    assert all(len({*each} & styles().keys()) == 3 for each in near_styles().values())
+    assert all(len({*each} & set(style_words().values())) == 3 for each in near_styles().values())

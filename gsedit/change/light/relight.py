@@ -24,8 +24,8 @@ from torch import Tensor
 from gsedit.change.light.table import Fog, Lamp, LightSetup, Sun
 from gsedit.scene.cache import cached_per_scene
 from gsedit.scene.color_space import LUMINANCE, lab_of_srgb, linear_of_srgb
+from gsedit.scene.framing import weighted_quantile
 from gsedit.scene.neighbors import nearest
-from gsedit.scene.quantiles import weighted_quantile
 from gsedit.toolkit.grade import GAMMA
 from gsedit.views.normals import estimate_normals, neighbor_means, visible_area
 from gsedit.views.place import Place, place_of

@@ -15,8 +15,7 @@ from jaxtyping import Float64
 
 from gsedit.errors import UsageError
 from gsedit.scene.color_space import linear_of_srgb
-from gsedit.words.direct import light_of
-from gsedit.words.names import TABLE, Row
+from gsedit.words.names import TABLE, Row, light_of
 
 Rgb = tuple[float, float, float]
 WHITE: Rgb = (1.0, 1.0, 1.0)

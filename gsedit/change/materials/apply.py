@@ -36,10 +36,9 @@ from gsedit.change.materials.table import Material
 from gsedit.errors import UsageError
 from gsedit.scene.cache import cached_per_scene
 from gsedit.scene.color_space import LUMINANCE, linear_of_srgb, srgb_of_linear
-from gsedit.scene.framing import guess_up
+from gsedit.scene.framing import ends, guess_up
 from gsedit.scene.neighbors import k_nearest
 from gsedit.scene.outcome import Outcome
-from gsedit.scene.quantiles import ends
 from gsedit.scene.quaternions import turn_between
 from gsedit.views.dataset import evenly_spaced
 from gsedit.views.discs import Discs, discs_on

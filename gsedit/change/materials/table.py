@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from gsedit.words.colors import between, longest
-from gsedit.words.direct import material_of as canonical
 from gsedit.words.names import TABLE, Row
+from gsedit.words.scan import scanned
 
 PatternName = Literal[
     "veins", "rings", "grain", "specks", "patches", "strata", "weave", "bricks", "crevices", "up"
@@ -153,7 +153,8 @@ def material_of(name: str, color: str | None = None) -> Material | None:
     name says neither a material nor a finish."""
     main, *others = JOINED.split(name.lower().replace("-", " "))
     words = re.findall(r"[a-z]+", main)
-    found = canonical(main)
+    plain = reversed(scanned(main.split(" with ")[0]))
+    found = next((word.value for word in plain if word.kind in ("material", "look")), "")
     finish = [word for word in words if word in FINISHES]
     if found not in MATERIALS and not finish and color is None:
         return None
@@ -166,7 +167,8 @@ def material_of(name: str, color: str | None = None) -> Material | None:
         streaks = replace(BRUSHED, color=darker(material.color))
         material = replace(material, layers=(streaks, *material.layers))
 
-    layers = _overs([*others, *_before(words, found)], found)
+    before = [COVERED[word] for word in words if word in COVERED and found != COVERED[word]]
+    layers = _overs([*others, *before], found)
     return replace(material, layers=(*material.layers, *layers))
 
 
@@ -187,11 +189,6 @@ def _overs(texts: list[str], known: str) -> list[Layer]:
             else list(layers)
         )
     return found
-
-
-def _before(words: list[str], found: str) -> list[str]:
-    """The layers that adjectives name."""
-    return [COVERED[word] for word in words if word in COVERED and found != COVERED[word]]
 
 
 def _finished(material: Material, changes: dict[str, float]) -> Material:

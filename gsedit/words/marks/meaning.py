@@ -8,13 +8,12 @@ from dataclasses import replace
 
 from gsedit.words.amounts import DEFAULT, SLIGHT, STRONG, amount_of, tone
 from gsedit.words.called import NUMBERED
-from gsedit.words.direct import light_of
 from gsedit.words.instruction import MOST, Change
 from gsedit.words.lexicon import things
 from gsedit.words.marks import values
 from gsedit.words.marks.actions import UNREAL, action, inserted
 from gsedit.words.marks.marked import BACKGROUND, PRONOUN, WHOLE, Asked, Marked, loose
-from gsedit.words.names import lights
+from gsedit.words.names import light_of, lights
 from gsedit.words.phrases import IT
 from gsedit.words.refusals import Refused
 from gsedit.words.scan import scanned

@@ -7,10 +7,10 @@ from functools import lru_cache
 
 from gsedit.words import colors, lexicon
 from gsedit.words.amounts import Amount, tone
-from gsedit.words.direct import LIGHTS, SCENERIES, light_of, routed
 from gsedit.words.instruction import Change
+from gsedit.words.lexicon import routed
 from gsedit.words.marks.marked import Asked
-from gsedit.words.names import lights
+from gsedit.words.names import LIGHTS, SCENERIES, light_of, lights
 from gsedit.words.refusals import Refused
 from gsedit.words.scan import Word, normalised, scanned, tokens
 
@@ -176,9 +176,7 @@ def light(name: str, side: str = "", degree: str = "") -> Change | None:
     if word is None and (value := told_by("light", name)):
         word = Word(value, "light", value)
     colored = next((w for w in words if w.color and w is not word), None)
-    if word is None and (
-        colored or side or {"light", "lights", "lit", "lamp"} & set(_texts(words))
-    ):
+    if word is None and (colored or side or {"light", "lights", "lit", "lamp"} & set(tokens(name))):
         value = "lamp"
     elif word is None:
         return None
@@ -226,10 +224,6 @@ def look(name: str) -> Change | None:
         return tone(toned, None)
     value = word.value if word else told_by("scenery", name)
     return routed(Change("scene", "look", value, None, None, "")) if value else None
-
-
-def _texts(words: list[Word]) -> list[str]:
-    return [text for word in words for text in word.text.split()]
 
 
 def mixed(name: str) -> list[str]:

@@ -24,9 +24,9 @@ from gsedit.change.objects.placing.daylight import sun_of
 from gsedit.change.objects.placing.stance import stance_of
 from gsedit.change.scenery.table import Setting, in_scenery
 from gsedit.errors import UsageError
+from gsedit.scene.framing import ends
 from gsedit.scene.neighbors import k_nearest
 from gsedit.scene.outcome import NEW, Outcome, check_finite
-from gsedit.scene.quantiles import ends
 from gsedit.scene.quaternions import quaternions_of
 from gsedit.select.region import Region, coverage
 from gsedit.views.dataset import evenly_spaced

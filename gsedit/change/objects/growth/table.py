@@ -19,8 +19,8 @@ from gsedit.change.objects.placing.daylight import Sun, shadow_of
 from gsedit.change.scenery.table import Setting
 from gsedit.errors import UsageError
 from gsedit.scene.color_space import LUMINANCE
+from gsedit.scene.framing import weighted_quantile
 from gsedit.scene.neighbors import k_nearest
-from gsedit.scene.quantiles import weighted_quantile
 from gsedit.toolkit.grade import GAMMA
 from gsedit.views.noise import noise
 from gsedit.words.names import TABLE, Row

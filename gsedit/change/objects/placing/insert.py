@@ -21,21 +21,14 @@ from gsedit.change.objects.placing.placement import Placement, RelativePlace, Tr
 from gsedit.change.objects.placing.stance import SOLID, Stance, size_of, stance_of
 from gsedit.errors import UsageError
 from gsedit.scene.color_space import LUMINANCE
-from gsedit.scene.framing import bounds, framing_camera, guess_up
+from gsedit.scene.framing import bounds, framing_camera, guess_up, weighted_quantile
 from gsedit.scene.outcome import NEW, Outcome, check_finite, same
-from gsedit.scene.quantiles import weighted_quantile
 from gsedit.scene.quaternions import axis_rotation, turn_between
 from gsedit.scene.similarity import IDENTITY
 from gsedit.views.around import cameras_of
 from gsedit.views.normals import visible_area
 from gsedit.views.place import Place, place_of
-from gsedit.views.surroundings import (
-    ROWS,
-    Surroundings,
-    cell_areas,
-    cell_directions,
-    light_at,
-)
+from gsedit.views.surroundings import ROWS, Surroundings, cell_areas, cell_directions, light_at
 from rasterizer.camera import Camera
 from rasterizer.scene import Gaussians
 

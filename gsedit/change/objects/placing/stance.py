@@ -12,8 +12,8 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from gsedit.scene.framing import ends, weighted_quantile
 from gsedit.scene.planes import HOVERS, Plane, find_support
-from gsedit.scene.quantiles import ends, weighted_quantile
 from gsedit.views.orbit import perpendicular
 from gsedit.views.place import Place
 from gsedit.views.relief import Relief

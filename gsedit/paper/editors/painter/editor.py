@@ -40,8 +40,7 @@ from gsedit.scene.picture import render_picture
 from gsedit.views.around import score_render
 from gsedit.views.dataset import evenly_spaced
 from gsedit.views.viewpoints import Viewpoint
-from gsedit.words.direct import LIKE
-from gsedit.words.lexicon import styles
+from gsedit.words.lexicon import LIKE, styles
 from gsedit.words.read import read_instruction
 from gsedit.words.refusals import no_style
 from gsedit.words.scan import scanned
