@@ -105,9 +105,7 @@ def settings(numerics: Numerics) -> None:
 
 @torch.no_grad()
 def footprints(
-    projected: Projected,
-    rows: Int[Tensor, " m"],
-    names: tuple[str, str] = ("means", "log_scales"),
+    projected: Projected, rows: Int[Tensor, " m"], names: tuple[str, str] = ("means", "log_scales")
 ) -> None:
     """ValueError unless positions and sizes on the picture are finite in the dtype.
 

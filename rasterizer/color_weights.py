@@ -62,11 +62,7 @@ class ColorWeights:
 
 @torch.no_grad()
 def color_weights(
-    scene: Gaussians,
-    camera: Camera,
-    *,
-    numerics: Numerics = DEFAULT,
-    execution: Execution = AUTO,
+    scene: Gaussians, camera: Camera, *, numerics: Numerics = DEFAULT, execution: Execution = AUTO
 ) -> ColorWeights:
     """The weights of a view, from the scene's geometry and opacities; its colors are not read.
 

@@ -78,11 +78,7 @@ class _Composite(torch.autograd.Function):
     @staticmethod
     @torch.autocast("cpu", enabled=False)
     def forward(  # type: ignore[override]
-        ctx: Any,
-        tracked: Float[Tensor, "r g"],
-        inputs: BlendInputs,
-        backend: Backend,
-        median: bool,
+        ctx: Any, tracked: Float[Tensor, "r g"], inputs: BlendInputs, backend: Backend, median: bool
     ) -> tuple[Float[Tensor, "h w d"], Float[Tensor, "h w"], Int[Tensor, "h w"] | None]:
         inputs = inputs._replace(table=inputs.table.detach())
         blended, ctx.saved = backend.forward(inputs, median, ctx.needs_input_grad[0])

@@ -143,12 +143,7 @@ def _bars() -> Iterator[Show]:
 
 def _columns() -> tuple[ProgressColumn, ...]:
     """Return the columns of a bar: stage, steps, times and the last measurement."""
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        TextColumn,
-        TimeElapsedColumn,
-    )
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
 
     return (
         TextColumn("{task.description:<10}"),

@@ -9,12 +9,7 @@ import sys
 from importlib import import_module
 from threading import Thread
 
-LOADED = (
-    "torch",
-    "gsedit.editing.measure",
-    "gsedit_cli.verbs.edit",
-    "gsedit_cli.main",
-)
+LOADED = ("torch", "gsedit.editing.measure", "gsedit_cli.verbs.edit", "gsedit_cli.main")
 """Modules that edits need, which take most of the time of a short one."""
 
 

@@ -52,9 +52,7 @@ def save_picture(
 
 
 def _plotter(
-    points: Float[np.ndarray, "n 3"],
-    colors: Float[np.ndarray, "n 3"],
-    cameras: Sequence[Camera],
+    points: Float[np.ndarray, "n 3"], colors: Float[np.ndarray, "n 3"], cameras: Sequence[Camera]
 ) -> Any:
     """The two views, not yet shown."""
     pyvista = import_pyvista()

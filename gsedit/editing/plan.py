@@ -44,11 +44,7 @@ def asks_editor_2d(settings: EditSettings) -> bool:
 
 
 def read_steps(
-    sentence: str,
-    names: Collection[str] = (),
-    *,
-    drawn: bool = False,
-    accept_unread: bool = False,
+    sentence: str, names: Collection[str] = (), *, drawn: bool = False, accept_unread: bool = False
 ) -> tuple[Instruction, ...]:
     """Steps of a sentence, in order; a single one with the sentence as it is where all is `drawn`.
 

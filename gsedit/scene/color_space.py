@@ -11,11 +11,7 @@ import numpy as np
 from gsedit.scene.shapes import Float
 
 XYZ_OF_RGB = np.array(
-    [
-        [0.412453, 0.357580, 0.180423],
-        [0.212671, 0.715160, 0.072169],
-        [0.019334, 0.119193, 0.950227],
-    ]
+    [[0.412453, 0.357580, 0.180423], [0.212671, 0.715160, 0.072169], [0.019334, 0.119193, 0.950227]]
 )
 """Linear light of the sRGB primaries (IEC 61966-2-1) as CIE XYZ, white D65."""
 LUMINANCE = XYZ_OF_RGB[1]

@@ -349,11 +349,7 @@ class _OpenTiles:
         self._out.store(tiles[: len(self.picture.transmittance)][rows], part)
 
 
-def _blend(
-    group: TileGroup,
-    out: _TiledPicture,
-    saved: list[_SavedBatch] | None,
-) -> None:
+def _blend(group: TileGroup, out: _TiledPicture, saved: list[_SavedBatch] | None) -> None:
     """Blend a group's tiles to the end of their lists, or until they are opaque."""
     tiles = _OpenTiles(group, out)
     stop = group.grid.numerics.transmittance_min

@@ -10,12 +10,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from rasterizer import checks
-from rasterizer.blending.backend import (
-    GEOMETRY,
-    Blended,
-    BlendInputs,
-    refuse_second_derivatives,
-)
+from rasterizer.blending.backend import GEOMETRY, Blended, BlendInputs, refuse_second_derivatives
 from rasterizer.blending.choose import choose_backend
 from rasterizer.blending.cpp_backend import BACKEND, pair_gradients
 from rasterizer.camera import Camera

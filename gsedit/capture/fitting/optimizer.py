@@ -54,11 +54,7 @@ class SceneOptimizer:
     """
 
     def __init__(
-        self,
-        scene: Gaussians,
-        rates: Mapping[str, float],
-        *,
-        compiled: bool = False,
+        self, scene: Gaussians, rates: Mapping[str, float], *, compiled: bool = False
     ) -> None:
         """`compiled`: steps by a C++ kernel, where there is one; equal to rounding."""
         self._rates = dict(rates)

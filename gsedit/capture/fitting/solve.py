@@ -181,9 +181,7 @@ def solve_colors(
 
 @torch.no_grad()
 def trusting_penalty(
-    scene: Gaussians,
-    targets: Sequence[View],
-    inside: Bool[Tensor, " n"],
+    scene: Gaussians, targets: Sequence[View], inside: Bool[Tensor, " n"]
 ) -> float:
     """The largest penalty by which some targets predict the others as well as by any: the more they
     contradict each other, the less a solve should follow them beyond the map of colors. PENALTY for

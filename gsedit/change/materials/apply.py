@@ -443,11 +443,7 @@ def _eyes_within(part: Gaussians, cameras: Sequence[Camera]) -> Float[Tensor, "3
 
 
 def colors_of(
-    studied: Studied,
-    material: Material,
-    degree: int,
-    only: Int[Tensor, " s"],
-    every: int = 1,
+    studied: Studied, material: Material, degree: int, only: Int[Tensor, " s"], every: int = 1
 ) -> Float[Tensor, "s k 3"]:
     """SH coefficients of these of the Gaussians in a material, fitted to one direction in so many;
     those of degree 0 are of all of them in a matte one."""

@@ -71,11 +71,7 @@ def moved(body: Gaussians, similarity: Similarity) -> Gaussians:
 
 
 def motion_of(
-    body: Gaussians,
-    stance: Stance,
-    placement: Placement,
-    other: Gaussians | None,
-    ground: Ground,
+    body: Gaussians, stance: Stance, placement: Placement, other: Gaussians | None, ground: Ground
 ) -> Motion:
     """The way to where a placement puts an object in a scene; `other` is what it is placed beside.
 

@@ -201,9 +201,7 @@ object that are looked at, and the share of its rectangle that an open part fill
 
 
 def between_feet(
-    thing: Float[np.ndarray, "k 3"],
-    others: Float[np.ndarray, "n 3"],
-    plane: Plane,
+    thing: Float[np.ndarray, "k 3"], others: Float[np.ndarray, "n 3"], plane: Plane
 ) -> Bool[np.ndarray, " n"]:
     """Flag the points of what stands low on a plane, within a thing's outline from above, and
     touches its feet, as the beams between the legs of a table.
@@ -274,9 +272,7 @@ LEAST_SIZE = 0.1
 
 
 def resting_on(
-    thing: Float[np.ndarray, "k 3"],
-    others: Float[np.ndarray, "n 3"],
-    up: Float64[np.ndarray, "3"],
+    thing: Float[np.ndarray, "k 3"], others: Float[np.ndarray, "n 3"], up: Float64[np.ndarray, "3"]
 ) -> Bool[np.ndarray, " n"]:
     """Flag the points of what lies right on top of a thing and touches nothing beside or below.
 

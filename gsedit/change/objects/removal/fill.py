@@ -79,11 +79,7 @@ def _copies(kept: Gaussians, sheet: Sheet, plane: Plane, done: Completed) -> Gau
 
 
 def _discs(
-    sheet: Sheet,
-    plane: Plane,
-    picture: Float[np.ndarray, "h w 3"],
-    sink: float,
-    like: Gaussians,
+    sheet: Sheet, plane: Plane, picture: Float[np.ndarray, "h w 3"], sink: float, like: Gaussians
 ) -> Gaussians:
     """A layer of discs, one a cell, under the plane by `sink` world units."""
     at = sheet.hole.reshape(-1)

@@ -76,11 +76,7 @@ MOST_GAPS = 3
 
 @cached_per_scene
 @torch.no_grad()
-def remove(
-    scene: Gaussians,
-    inside: Bool[Tensor, " n"],
-    cameras: Sequence[Camera] = (),
-) -> Outcome:
+def remove(scene: Gaussians, inside: Bool[Tensor, " n"], cameras: Sequence[Camera] = ()) -> Outcome:
     """Remove the Gaussians `inside` with what belongs to them, and fill what nobody saw.
 
     Along go the object's rim, what floats in it, what no camera saw behind it, and its shadow on
