@@ -11,7 +11,8 @@ from playroom import playroom
 
 from gsedit.errors import UsageError
 from gsedit.select import find_phrase, segment
-from gsedit.select.phrase import names, read_phrase
+from gsedit.select.phrase import names
+from gsedit.select.query import read_phrase
 
 PHRASES = Path(__file__).parents[1] / "data" / "phrases"
 REFUSED = "refused"

@@ -8,8 +8,7 @@ from gsedit.change.objects.growth.table import GROWTHS
 from gsedit.change.scenery.table import SCENERIES
 from gsedit.words.read import read_instruction
 
-ELSEWHERE = {"turquoise", "snow"}
-"""A paint and a weather where nothing else is said."""
+ELSEWHERE = {"turquoise", "snow"}  # a paint and a weather where nothing else is said
 
 
 @pytest.mark.parametrize(
