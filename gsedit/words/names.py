@@ -1,4 +1,4 @@
-"""What a sentence can name and how it looks, from `names.txt`: materials, lights, weathers, layers.
+"""Names that a sentence can give and how they look, from `names.txt`: materials, lights, weathers.
 
 A row is a name and its values: `key=0.5`, `key=0.5,0.7,1`, `key=#ffc65a`, `key=yes`, `key=word`.
 Indented rows below it are its parts, and other words for it where they begin with a colon.

@@ -1,5 +1,5 @@
-"""What belongs to an object beyond what was selected, or hangs on it: its rim and floaters, its
-mirror image, parts that a selection missed, what stands between its feet or on top of it.
+"""Gaussians that belong to an object beyond what was selected, or hang on it: its rim and floaters,
+its mirror image, parts that a selection missed, what stands between its feet or on top of it.
 
 `n` Gaussians, `k` points of the object.
 """
