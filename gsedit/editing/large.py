@@ -1,5 +1,5 @@
-"""A large scene is drawn by its groups: of neighbors that are smaller than the pixels one Gaussian
-is drawn, and each of them takes its share of the change."""
+"""What is drawn of a scene: of a large one groups, of neighbors that are smaller than the pixels one,
+each of which takes its share of the change; under strokes pieces of Gaussians that are larger."""
 
 from __future__ import annotations
 
@@ -12,10 +12,14 @@ from gsedit.editing.measure import Changed, means_of, of_the_whole, pictures_at
 from gsedit.paper.draw import EditPlan, draw, explain
 from gsedit.paper.evaluate import Drawing
 from gsedit.paper.request import Request, fits_pictures
+from gsedit.paper.session import edit_camera
 from gsedit.paper.skips import DISABLED, Decision, one_line
+from gsedit.paper.view_plan import survey
 from gsedit.run.events import Checkpoint, Event
 from gsedit.run.state import State
-from gsedit.scene.merging import MergedScene, coarsen
+from gsedit.scene.dividing import divided
+from gsedit.scene.framing import finest_pixels
+from gsedit.scene.merging import MAX_GAUSSIANS, MergedScene, coarsen
 from gsedit.views.dataset import evenly_spaced
 
 MEASURED_VIEWS = 4
@@ -25,8 +29,11 @@ MEASURED_VIEWS = 4
 def drawn(
     request: Request, resume: State | None = None
 ) -> Generator[Event | Checkpoint, None, Drawing]:
-    """Draw a request as `draw` does; of a large scene its groups. The drawing has all Gaussians."""
+    """Draw a request as `draw` does; of a large scene its groups. The drawing has all Gaussians, or
+    the pieces of those that strokes are finer than."""
     merged, few = _by_groups(request)
+    if merged is None and request.keeps_strokes:
+        return (yield from _in_pieces(request, resume))
     decision, events = _decide(request, merged), ()
     if merged is not None:
         events = (Event("skip", 0.0, note=one_line((decision,))),)
@@ -44,6 +51,31 @@ def drawn(
     evidence = replace(evidence, decisions=told, events=(*events, *evidence.events))
     drawing = replace(drawing, evidence=evidence)
     return drawing if merged is None else _carried(drawing, request, merged)
+
+
+PIECE = 1.0
+"""Standard deviation, in pixels of what is drawn, to which Gaussians are divided under strokes."""
+MOST_TIMES = 8
+"""Times as many Gaussians as before that there are at most then, and never over MAX_GAUSSIANS."""
+
+
+def _in_pieces(
+    request: Request, resume: State | None
+) -> Generator[Event | Checkpoint, None, Drawing]:
+    """Draw strokes on a scene whose Gaussians are divided where strokes are finer."""
+    before, region, size = request.scene, request.region, request.settings.edit_size
+    cameras = [edit_camera(view.camera, size) for view in request.views]
+    worth = survey(before, cameras).amax(0) * (1.0 if region is None else region.inside)
+    finest = PIECE * finest_pixels(before.means, cameras)
+    most = min(MAX_GAUSSIANS, MOST_TIMES * len(before))
+    pieces, origin = divided(before, finest, worth, most)
+    if region is not None:
+        region = replace(region, inside=region.inside[origin])
+    drawing = yield from draw(replace(request, scene=pieces, region=region), resume)
+    evidence = of_the_whole(drawing.evidence, before, drawing.scene)
+    told = f"{len(before):,} Gaussians are {len(pieces):,} now: strokes are finer than some were"
+    notes = (*drawing.notes, *[told] * (len(pieces) > len(before)))
+    return replace(drawing, origin=origin, notes=notes, evidence=evidence)
 
 
 def explained(request: Request) -> EditPlan:

@@ -116,13 +116,13 @@ def changed_by(
     """All that the steps changed: the last scene, and the regions before and after."""
     changes = [each for step in steps for each in step.changes]
     told = tuple(dict.fromkeys((*notes, *total.notes)))
-    if drawing is not None and len(steps) == 1:
-        return Changed(total.scene, drawing.region, told, drawing=drawing)
     keys = dict.fromkeys(key_of(change) for change in changes if change.name != "insert")
     known = [parts.found[key] for key in keys if key in parts.found]
     found, hows = (dict.fromkeys(map(attrgetter(name), known)) for name in ("note", "how"))
     sure = min((each.sure for each in known), default=1.0)
     region = Region(total.changed, "; ".join(found) or "what is new", " or ".join(hows), sure)
+    if drawing is not None and len(steps) == 1:
+        region = drawing.region
     if torch.equal(total.origin, torch.arange(len(scene))):
         return Changed(total.scene, region, told, drawing=drawing)
     before = Region(_touched(total, len(scene)), region.note)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import repeat
+from math import inf
 from typing import Any, Protocol, runtime_checkable
 
 import torch
@@ -12,7 +13,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from gsedit.capture.fitting.solve import solve_colors, trusting_penalty
-from gsedit.capture.fitting.strokes import BAND_PENALTY, leading_shares, leading_views, stroke_steps
+from gsedit.capture.fitting.strokes import leading_shares, leading_views, stroke_steps
 from gsedit.capture.fitting.update import Target, crops_needed, update_steps
 from gsedit.errors import InputError
 from gsedit.paper.edit_views import edit_views
@@ -153,7 +154,9 @@ class Solve:
             how: dict[str, Any] = {}
             if request.keeps_strokes:
                 how["shares"] = _leading_shares(session, start, targets)
-                how["band_penalty"] = BAND_PENALTY
+                how["band_penalty"] = (
+                    inf  # a stroke lies on the surface: it looks the same from all sides
+                )
             else:
                 how["penalty"] = trusting_penalty(start, views, inside)
             solved = list(solve_colors(start, views, inside, **how))
@@ -178,7 +181,8 @@ def _leading_shares(
     session: Session, scene: Gaussians, targets: Mapping[int, View]
 ) -> list[Float[Tensor, "h w"]]:
     """Weights of the targets' pixels, by the view that sees the place of a Gaussian best."""
-    leading = leading_views(session.weights[list(targets)], scene.means)
+    weights = session.weights[list(targets)] * session.region.inside
+    leading = leading_views(weights, scene.means)
     cameras = [view.camera for view in targets.values()]
     return leading_shares(scene, cameras, leading)
 

@@ -21,7 +21,7 @@ from gsedit.scene.picture import render_picture
 from gsedit.select.region import Region
 from gsedit.views.dataset import Dataset, View
 from gsedit.views.lazy_views import of_one_size
-from gsedit.views.viewpoints import Viewpoint, Views, that_see, thinned
+from gsedit.views.viewpoints import Viewpoint, Views, same_size, that_see, thinned
 from rasterizer.camera import Camera
 from rasterizer.scene import Gaussians
 
@@ -131,22 +131,27 @@ def build_request(
     method.check(prompt)
     check_installed(settings.update)
     editor = method.editor
-    some, held_out = of_one_size(_pictures(views, scene)).split()
+    size = _edit_size(settings, editor)
+    drawn = size if isinstance(editor, StylePainter) else None
+    some, held_out = of_one_size(_pictures(views, scene, drawn)).split()
     if not some:  # a single view, which would be held out, may be edited
         some, held_out = held_out, ()
-    settings = _with_defaults(settings, editor, some[0].camera)
+    settings = _with_defaults(settings, editor, some[0].camera, size)
     return Request(
         scene, prompt, some, held_out, editor, settings, strategy,
         method.features or FilterBank(), method.generator, region,
     )  # fmt: skip
 
 
-def _pictures(views: Views, scene: Gaussians) -> Dataset:
+def _pictures(views: Views, scene: Gaussians, drawn: int | None) -> Dataset:
     """Views with pictures: photos, or renders that are made when they are read. Of many cameras
-    every k-th is taken, and those that see nothing of the scene are left out."""
+    every k-th is taken, and those that see nothing of the scene are left out; smaller ones are
+    made `drawn` pixels long, so that strokes come into the scene as they are drawn."""
     if isinstance(views, Dataset):
         return views
     seeing = that_see(thinned(views), scene)
+    if drawn and drawn > max(seeing[0].camera.width, seeing[0].camera.height):
+        seeing = same_size(seeing, drawn)
 
     def view(each: Viewpoint) -> View:
         render: Any = partial(render_picture, scene, each.camera)
@@ -155,17 +160,24 @@ def _pictures(views: Views, scene: Gaussians) -> Dataset:
     return Dataset(tuple(map(view, seeing)))
 
 
-def _with_defaults(settings: EditSettings, editor: Editor, camera: Camera) -> EditSettings:
+def _edit_size(settings: EditSettings, editor: Editor) -> int | None:
+    """Longer side of the pictures that the editor is given, as asked for or as it edits best."""
+    best = editor.capabilities.best_size
+    if settings.edit_size or not best or not isinstance(editor, StylePainter):
+        return settings.edit_size or best
+    return round(best / settings.brush)
+
+
+def _with_defaults(
+    settings: EditSettings, editor: Editor, camera: Camera, size: int | None
+) -> EditSettings:
     """The settings in force, which the result records: the editor's defaults are filled in.
 
     Views of this camera's size are edited larger where the editor enlarges, but photos never.
     """
     declared, batches = editor.capabilities, settings.batches
-    size = settings.edit_size or declared.best_size
-    if isinstance(editor, StylePainter):
-        batches = editor.batches if batches is None else batches
-        if size and not settings.edit_size:
-            size = round(size / settings.brush)
+    if isinstance(editor, StylePainter) and batches is None:
+        batches = editor.batches
     keeps = settings.condition == "photo" or not declared.enlarges
     if size and keeps and size >= max(camera.width, camera.height):
         size = None  # the views' own

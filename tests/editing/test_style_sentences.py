@@ -6,6 +6,7 @@ import torch
 
 import gsedit
 from gsedit.editing.edit import prepare
+from gsedit.editing.large import MOST_TIMES
 from gsedit.editing.plan import read_steps, steps_of
 from gsedit.editing.preview import drawn_region, preview_edited
 from gsedit.errors import UsageError
@@ -51,7 +52,8 @@ def named(half, tmp_path):
 def test_a_style_changes_its_part_alone(half, named, sentence, inner, outer):
     scene, inside = half
     result = gsedit.edit(scene, sentence, tiny_edits.data(), names=named)
-    moved = (result.scene.sh - scene.sh).abs().amax((1, 2)) > 1e-4
+    inside = inside[result.origin]
+    moved = (result.scene.sh - scene.sh[result.origin]).abs().amax((1, 2)) > 1e-4
     assert (bool(moved[inside].any()), bool(moved[~inside].any())) == (inner, outer)
     assert result.understood is not None
     assert result.targets
@@ -76,7 +78,11 @@ def test_a_region_is_what_is_painted(half, tmp_path):
     gsedit.select.region.save_region(gsedit.select.region.Region(inside), tmp_path / "half.npy")
     settings = EditSettings(region=str(tmp_path / "half.npy"))
     result = gsedit.edit(scene, "as a woodcut", tiny_edits.data(), settings=settings)
-    assert torch.equal(result.scene.sh[~inside], scene.sh[~inside])
+    for each in ("sh", "means", "log_scales"):
+        outside = getattr(result.scene, each)[~inside[result.origin]]
+        assert torch.equal(outside, getattr(scene, each)[~inside])
+    assert 1000 < len(result.scene) <= MOST_TIMES * 1000
+    assert "strokes are finer" in result.notes[-1]
 
 
 def test_a_preview_paints_its_part_alone(half, named):

@@ -1,6 +1,7 @@
 """Strokes of drawn views stay in a scene: where views contradict each other, one of them leads."""
 
 from dataclasses import replace
+from math import inf
 
 import pytest
 import torch
@@ -8,7 +9,6 @@ import torch
 from gsedit.bench.synthetic import demo_scene, ring_cameras, surface_gaussians
 from gsedit.capture.fitting.solve import solve_colors
 from gsedit.capture.fitting.strokes import (
-    BAND_PENALTY,
     LEAST_SHARE,
     leading_shares,
     leading_views,
@@ -48,7 +48,7 @@ def striped(scene, cameras):
 
 def solved(scene, views, shares=None):
     every = torch.ones(len(scene), dtype=torch.bool)
-    *_, last = solve_colors(scene, views, every, shares=shares, band_penalty=BAND_PENALTY)
+    *_, last = solve_colors(scene, views, every, shares=shares, band_penalty=inf)
     return last.scene
 
 
@@ -72,11 +72,16 @@ def energy(scene, cameras):
     return float((pictures[:, 1:] - pictures[:, :-1]).square().mean())
 
 
-def test_the_view_leads_that_sees_a_place_best():
-    weights = torch.tensor([[1.0, 1, 1, 0, 0, 0], [0, 0, 0, 2, 2, 2]]).repeat_interleave(9, 1)
-    means = torch.randn(54, 3, generator=torch.Generator().manual_seed(0))
-    means[27:] += 100
-    assert torch.equal(leading_views(weights, means), (means[:, 0] > 50).long())
+def test_few_views_lead_each_where_it_sees_well_what_none_before_it_does():
+    means = torch.randn(81, 3, generator=torch.Generator().manual_seed(0))
+    means += 100.0 * torch.arange(3).repeat_interleave(27)[:, None]
+    # all that the second sees is seen by the others well enough; the third sees its part alone
+    seen = [[4.0, 2.0, 0.0], [0.0, 3.0, 2.0], [0.0, 0.2, 7.0]]
+    leading = leading_views(torch.tensor(seen).repeat_interleave(27, 1), means)
+    assert leading.reshape(3, 27).tolist() == [[0] * 27, [0] * 27, [2] * 27]
+    one = leading_views(torch.tensor(seen).repeat_interleave(27, 1), means, most=1)
+    assert set(one.tolist()) == {2}
+    assert not leading_views(torch.zeros(2, 81), means).any()
 
 
 def test_shares_of_views_are_those_of_what_they_lead(scene, cameras):

@@ -10,7 +10,7 @@ from research.painting.cases import Case
 from research.painting.judge import Cells, Claim, Contrast, draw, factors, read_records, report
 
 from gsedit.bench.synthetic import demo_scene, ring_cameras, surface_gaussians
-from gsedit.capture.fitting.strokes import stroke_steps
+from gsedit.capture.fitting.strokes import RATE, stroke_steps
 from gsedit.errors import InputError
 from gsedit.measures.features import FilterBank
 from gsedit.views.dataset import View
@@ -136,6 +136,6 @@ def test_the_descent_is_that_of_gsedit():
     for i, each in enumerate(zip(targets, shares)):
         descent.put(i, *each)
     for step in range(STEPS):
-        descent.step(descent.next_view(), 0.06 * (1 - 0.9 * step / STEPS))
+        descent.step(descent.next_view(), RATE * (1 - 0.9 * step / STEPS))
     assert torch.allclose(descent.scene.sh, expected.sh, atol=1e-4)
     assert not torch.allclose(descent.scene.sh, scene.sh, atol=1e-2)

@@ -9,6 +9,7 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from math import inf
 from typing import Literal, NamedTuple
 
 import torch
@@ -18,7 +19,6 @@ from torch import Tensor
 
 from gsedit.capture.fitting.solve import solve_colors
 from gsedit.capture.fitting.strokes import (
-    BAND_PENALTY,
     DECAYS,
     GRAM_GRADIENT,
     LAST_RATE,
@@ -204,9 +204,7 @@ class Bench:
             shown = [View(str(i), case.cameras[i], each) for i, each in targets.items()]
             every = torch.ones(len(scene), dtype=torch.bool)
             weights = list(shares.values()) or None
-            for found in solve_colors(
-                scene, shown, every, shares=weights, band_penalty=BAND_PENALTY
-            ):
+            for found in solve_colors(scene, shown, every, shares=weights, band_penalty=inf):
                 last = found
             scene = last.scene
         return scene, shares, time.process_time() - begin

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from math import log, sqrt
 from typing import NamedTuple
 
 import torch
@@ -13,8 +12,8 @@ from torch import Tensor
 
 from gsedit.run.state import tensor_like
 from gsedit.run.step_threads import on_threads
+from gsedit.scene.dividing import halved
 from rasterizer.camera import Camera
-from rasterizer.project import rotation_matrices
 from rasterizer.render import render
 from rasterizer.scene import Gaussians, concatenate
 
@@ -24,11 +23,6 @@ PRUNED_OPACITY = 0.005
 """Opacity below which a Gaussian is removed: an 8-bit picture hardly shows it."""
 DECAY = 0.004
 """Opacity subtracted from every Gaussian each time; training restores what the photos need."""
-SPLIT_OFFSET = 0.75
-"""The two halves of a Gaussian lie so many standard deviations off its center, along its longest
-axis, and are shorter there by as much as leaves the second moment of both together what it was."""
-SPLIT_LENGTH = sqrt(1 - SPLIT_OFFSET**2)
-"""Length of a half along that axis, in lengths of the whole."""
 NEAR_SHARE = 0.5
 """Share of the depth at which a camera's picture begins, nearer than which a Gaussian is a floater:
 photos are taken from where nothing stands between the camera and the scene."""
@@ -101,7 +95,7 @@ def densify(
     before = int(alive.sum())
     count = max(0, min(target - before, int(most * before)))
     strongest = torch.where(alive, gradients, -1.0).topk(count).indices
-    halves = _halves(scene[strongest])
+    halves = halved(scene[strongest])
     alive[strongest] = False
     kept = alive.nonzero().squeeze(-1)
     origin = torch.cat((kept, strongest, strongest))
@@ -141,17 +135,3 @@ def faded(scene: Gaussians, decay: float = DECAY) -> Gaussians:
     # an opacity of 1, which a tiny decay rounds to, has no finite logit
     logits = torch.minimum(scene.logit_opacities, torch.logit(opacities))
     return replace(scene, logit_opacities=logits)
-
-
-def _halves(parents: Gaussians) -> tuple[Gaussians, Gaussians]:
-    """The two that each becomes."""
-    longest, axis = parents.scales.max(-1)
-    rotation = rotation_matrices(parents.quats)
-    direction = rotation.gather(2, axis[:, None, None].expand(-1, 3, 1)).squeeze(-1)
-    offset = SPLIT_OFFSET * longest[:, None] * direction
-    shorter = torch.nn.functional.one_hot(axis, 3) * log(SPLIT_LENGTH)
-    opacity = parents.opacities / (2 * SPLIT_LENGTH)
-    half = replace(
-        parents, log_scales=parents.log_scales + shorter, logit_opacities=torch.logit(opacity)
-    )
-    return replace(half, means=half.means - offset), replace(half, means=half.means + offset)

@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice, repeat
-from math import isqrt
+from math import inf, isqrt
 
 import torch
 from jaxtyping import Bool, Float
@@ -154,14 +154,15 @@ def solve_colors(
     """Yield the scene after every iteration, the last one last; only colors `inside` change.
 
     `shares` are weights of pixels, in [0, 1]; None: all weigh 1. Colors of degree 0 and 1 move,
-    higher bands stay. Negative colors count as they are, not clamped: raise them before. Pixels
-    that a view's mask leaves out do not count. The residual never rises from one iteration to the
-    next.
+    those of degree 1 not for a `band_penalty` of infinity; higher bands stay. Negative colors count
+    as they are, not clamped: raise them before. Pixels that a view's mask leaves out do not count.
+    The residual never rises from one iteration to the next.
     """
     if not inside.any() or not targets:
         return
     each_share = repeat(None) if shares is None else shares
-    views = [_shown(scene, *each) for each in zip(targets, each_share)]
+    k = 1 if band_penalty == inf else min(MOST_COEFFICIENTS, scene.sh.shape[1])
+    views = [_shown(scene, k, *each) for each in zip(targets, each_share)]
     base, moved = sh_to_color(scene.sh[:, 0]), inside[:, None, None].to(scene.means)
     sums = _back(len(scene), views, [v.mask + torch.zeros_like(v.missing) for v in views], 1)
     shown = sums[:, 0, :1] * moved[:, 0]
@@ -171,7 +172,7 @@ def solve_colors(
     total, shown = shown.clamp_min(SHOWN_WEIGHT), shown * (shown > SHOWN_WEIGHT)
     followed = fit_color_map(colors / total, own / total, shown[:, 0])
     count = int((inside & (shown[:, 0] == 0)).sum())
-    change = torch.zeros_like(scene.sh[:, : _coefficients(scene)])
+    change = torch.zeros_like(scene.sh[:, :k])
     change[:, 0] = followed.change(base) * moved[:, 0]
     prior = torch.full_like(change[0, :, :1], band_penalty).index_fill(0, torch.tensor(0), penalty)
     found = _descend(views, change, moved, sums[:, :, :1], prior, least_gain_db)
@@ -205,20 +206,16 @@ def trusting_penalty(
     return max(p for p in PENALTIES if errors[p] <= AS_GOOD * min(errors.values()))
 
 
-def _coefficients(scene: Gaussians) -> int:
-    return min(MOST_COEFFICIENTS, scene.sh.shape[1])
-
-
-def _shown(scene: Gaussians, view: View, share: Float[Tensor, "h w"] | None) -> _Shown:
+def _shown(
+    scene: Gaussians, coefficients: int, view: View, share: Float[Tensor, "h w"] | None
+) -> _Shown:
     weights = color_weights(scene, view.camera)
     mask = 1.0 if view.mask is None else view.mask[..., None].to(scene.means)
     mask = mask if share is None else mask * share[..., None]
-    degree = isqrt(_coefficients(scene)) - 1
     directions = view_directions(scene.means.index_select(0, weights.rows), view.camera)
+    harmonics = basis(directions, isqrt(coefficients) - 1) / SH_DC
     before = mask * render(scene, view.camera).color
-    return _Shown(
-        weights, basis(directions, degree) / SH_DC, mask, before, mask * view.image - before
-    )
+    return _Shown(weights, harmonics, mask, before, mask * view.image - before)
 
 
 def _descend(

@@ -27,31 +27,48 @@ from rasterizer.numerics import SH_DC
 from rasterizer.scene import Gaussians
 
 NEAR = 9
-"""Gaussians, itself with it, whose weights are averaged before the best view is chosen."""
+"""Gaussians, itself with it, whose weights are averaged before a view is chosen."""
 ROUNDS = 2
 """Times that weights are averaged: a view leads in patches, not in single Gaussians."""
+GOOD = 0.25
+"""Share of what the best view sees of a place from which another may lead there: strokes are cut
+where the lead changes, so that few views lead, each in as large a part as it can."""
+LED = 0.97
+"""Share of all that is seen beyond which no further view leads."""
 LEAST_SHARE = 0.02
 """Weight of pixels in which another view leads: what no leading view shows follows them."""
-BAND_PENALTY = 1e3
-"""Pixels: a stroke lies on the surface, so that its color hardly depends on the direction."""
 GRAM_GRADIENT = 10.0
 """Size of the Gram loss's gradient over that of the MSE, at the first step: lambda itself means
 nothing without the units of the features."""
-RATE = 0.06
-"""Learning rate of colors in [0, 1]: half of it takes twice the steps."""
+RATE = 0.02
+"""Learning rate of colors in [0, 1]: with three times as much strokes are specks."""
 LAST_RATE = 0.1
 """Share of the rate at the last step; it falls linearly."""
 DECAYS, EPSILON = (0.9, 0.99), 1e-8
 """Constants of Adam: the second decay forgets within the few dozen steps that there are."""
 
 
-def leading_views(weights: Float[Tensor, "v n"], means: Float[Tensor, "n 3"]) -> Int[Tensor, " n"]:
-    """The view that sees the place of each Gaussian best; `weights`: what each sees of it."""
+def leading_views(
+    weights: Float[Tensor, "v n"], means: Float[Tensor, "n 3"], most: int | None = None
+) -> Int[Tensor, " n"]:
+    """The view that each Gaussian follows; `weights`: what each view sees of it.
+
+    Few views lead, at most so many: the next is always that which sees most of what none leads yet,
+    wherever it sees at least the share GOOD of what the best view does.
+    """
     points = means.detach().double().numpy()
     near = torch.from_numpy(k_nearest(points, points, min(NEAR, len(points)))[1])
     for _ in range(ROUNDS):
         weights = torch.stack([each[near].mean(1) for each in weights])
-    return weights.argmax(0)
+    best, leading = weights.amax(0), torch.zeros(len(means), dtype=torch.long)
+    able, free, chosen = weights >= GOOD * best, best > 0, list[int]()
+    while len(chosen) < (most or len(weights)) and best[free].sum() > (1 - LED) * best.sum():
+        chosen.append(int((weights * (able & free)).sum(1).argmax()))
+        taken = able[chosen[-1]] & free
+        leading[taken], free = chosen[-1], free & ~taken
+    if chosen:
+        leading[free] = torch.tensor(chosen)[weights[chosen][:, free].argmax(0)]
+    return leading
 
 
 def leading_shares(

@@ -47,12 +47,12 @@ from gsedit.words.scan import scanned
 from rasterizer.scene import Gaussians
 
 WEIGHTS = Path(__file__).with_name("styles.safetensors")
-BRUSH = 192
-"""Pixels, longer side of the pictures that are painted. At 256 strokes are finer than the Gaussians
-of a scene fitted at 256 pixels can hold."""
+BRUSH = 384
+"""Pixels, longer side of the pictures that are painted. Below 256 the network draws no strokes but
+a grid of dots."""
 BATCHES = 6
 """A view takes 0.05 s, so that more of a scene is painted than another editor would edit."""
-MOST_SURVEYED_PIXELS = 3_000_000
+MOST_SURVEYED_PIXELS = 600_000
 """Pixels of all pictures that statistics are taken from, evenly spaced ones of more: the widest
 layer holds 32 numbers a pixel."""
 
