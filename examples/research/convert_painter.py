@@ -136,13 +136,13 @@ def differences(folder: Path) -> dict[str, float]:
     for phase in range(3):
         x = picture(128, 192, phase).movedim(-1, 0)[None]
         for k in range(phase, len(numbers), 3):
-            own = painter.network(x, painter.styles[k])[0]
+            own = painter.network(x, painter.styles[k])
             pairs["styles"].append((own, multistyle(x.numpy(), numbers[k])))
         seen, content = picture(SIDE, SIDE, phase), picture(384, 384, -phase)
         vector, expected = predictor(seen.movedim(-1, 0)[None]), predict(seen[None].numpy())
         pairs["vector"].append((vector, expected.reshape(1, -1)))
         style = predictor.affine(vector[0])
-        own = network(content.movedim(-1, 0)[None], style)[0].movedim(1, -1)
+        own = network(content.movedim(-1, 0)[None], style).movedim(1, -1)
         pairs["painted"].append((own, transform(content[None].numpy(), expected)))
     return {k: max(float(np.abs(a.numpy() - b).max()) for a, b in v) for k, v in pairs.items()}
 

@@ -1,5 +1,5 @@
-"""What is drawn of a scene: of a large one groups, of neighbors that are smaller than the pixels one,
-each of which takes its share of the change; under strokes pieces of Gaussians that are larger."""
+"""A large scene is drawn by groups, of neighbors that are smaller than the pixels one, each of which
+takes its share of the change; under strokes, Gaussians that are larger are drawn in pieces."""
 
 from __future__ import annotations
 

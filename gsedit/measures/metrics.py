@@ -300,8 +300,6 @@ _ROWS = (
            perceptual, EDITS_ALONE),
     Metric("psnr_to_unedited", "PSNR to the unedited scene, dB", "neither", 2, nearness, UNEDITED),
     Metric("ssim_to_unedited", "SSIM to the unedited scene", "neither", 4, ssim, UNEDITED),
-    Metric("perceptual_to_unedited", "perceptual distance to the unedited", "neither", 4,
-           perceptual, UNEDITED),
     Metric("rmse_to_unedited", "RMSE to the unedited scene", "neither", 4, rmse, UNEDITED,
            of_gaussians=True),
     Metric("rmse_outside_region", "RMSE outside the region", "lower", 4, float, OUTSIDE_REGION,

@@ -26,7 +26,7 @@ from gsedit.paper.actions import RollbackAction
 from gsedit.paper.diffusion.precision import has_bfloat16
 from gsedit.paper.edit_views import batch_of, find_ground_truth
 from gsedit.paper.evaluate import Drawing, evaluate_edit
-from gsedit.paper.protocol import Cost, StylePainter
+from gsedit.paper.protocol import Cost
 from gsedit.paper.request import Request, fits_pictures, request_record, uses_all_views
 from gsedit.paper.session import Session, UneditedRenders, Work, edit_camera, start_progress
 from gsedit.paper.skips import DISABLED, TERMINAL_COLUMNS, Decision, decide_views, one_line, screen
@@ -336,12 +336,7 @@ def _session(
     request, plan, weights = yield from survey_views(request, stopwatch, plan)
     unedited = UneditedRenders(request)
     progress = start_progress(request, stopwatch, noise_seed)
-    editor = request.editor
-    if isinstance(editor, StylePainter):
-        with stopwatch.stage("sample"):
-            shown = torch.stack([unedited.edit_condition(i) for i in plan.views])
-            editor = editor.with_views(request.prompt, shown)
-    return Session(request, plan, weights, bands, unedited, progress, editor)
+    return Session(request, plan, weights, bands, unedited, progress)
 
 
 def run_schedule(session: Session) -> Iterator[Event | Checkpoint]:

@@ -15,7 +15,7 @@ from gsedit.paper.consistency.correspond import Correspondences, correspond
 from gsedit.paper.consistency.harmonise import Surface, harmonise_by_depth
 from gsedit.paper.diffusion.settings import SamplerSettings
 from gsedit.paper.guided import carry_change
-from gsedit.paper.protocol import EditBatch, Editor, StylePainter, truth_of
+from gsedit.paper.protocol import EditBatch, StylePainter, truth_of
 from gsedit.paper.session import Session, UneditedRenders, preview
 from gsedit.paper.view_plan import view_overlap
 from gsedit.run.events import Event
@@ -108,7 +108,7 @@ def edit_views(
     sampler, anchors = sampler or settings.sampler, settings.anchors
     edited, stopwatch = session.progress.edited, session.progress.stopwatch
     tied, matches = (), None
-    if not isinstance(session.editor, StylePainter):
+    if not isinstance(session.request.editor, StylePainter):
         tied = choose_anchors(session.weights, batch, tuple(edited.targets))[:anchors]
         with stopwatch.stage("correspond"):
             matches = match_views(session, (*batch, *tied))
@@ -166,17 +166,15 @@ def sample_views(
     sampler: SamplerSettings,
     start: Mapping[int, Float[Tensor, "h w 3"]] | None = None,
     stage: str = "sample",
-    editor: Editor | None = None,
 ) -> Generator[Event, None, list[Float[Tensor, "h w 3"]]]:
     """Ask the 2D editor for pictures of `members` but `anchors`, which stay as they were edited.
 
     Without `matches` every view is edited on its own. Sampling begins at `start`, or where the
     scene is now. Everything that a target goes through belongs here: held-out views are asked for
-    in the same way, by the session's `editor` or another. Views are edited at the editor's size,
-    and their change is carried to their own. Yields events of the `stage`; returns pictures in
-    [0, 1].
+    in the same way. Views are edited at the editor's size, and their change is carried to their
+    own. Yields events of the `stage`; returns pictures in [0, 1].
     """
-    request, progress, editor = session.request, session.progress, editor or session.editor
+    request, progress, editor = session.request, session.progress, session.request.editor
     batch = batch_of(session, members, anchors, matches, start)
     images, evaluations = None, 0
     for each in editor.edit(batch, sampler, request.generator):

@@ -349,9 +349,8 @@ def _edit_alone(
     """Ask the editor for each of these views on its own, in a batch of its own: no anchor, nothing
     shared, not harmonised. What the targets agree on does not help these pictures."""
     alone, sampler = {}, session.request.settings.sampler
-    editor = session.request.editor  # nothing that it takes from the planned views
     for i in views:
         start = {i: session.unedited.picture(i)}
-        (image,) = yield from sample_views(session, (i,), (), None, sampler, start, MEASURE, editor)
+        (image,) = yield from sample_views(session, (i,), (), None, sampler, start, MEASURE)
         alone[i] = session.within_region(i, image)
     return alone

@@ -159,13 +159,8 @@ class StylePainter(Editor, Protocol):
     """
 
     @property
-    def batches(self) -> int:
+    def stroke_batches(self) -> int:
         """Most batches of views where the settings leave it open."""
-        ...
-
-    def with_views(self, prompt: str, pictures: Float[Tensor, "v h w 3"]) -> Editor:
-        """This editor, with what it takes from the unedited pictures of all planned views together
-        and keeps for every later view."""
         ...
 
 

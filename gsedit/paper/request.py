@@ -177,7 +177,7 @@ def _with_defaults(
     """
     declared, batches = editor.capabilities, settings.batches
     if isinstance(editor, StylePainter) and batches is None:
-        batches = editor.batches
+        batches = editor.stroke_batches
     keeps = settings.condition == "photo" or not declared.enlarges
     if size and keeps and size >= max(camera.width, camera.height):
         size = None  # the views' own

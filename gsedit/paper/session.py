@@ -15,7 +15,7 @@ from torch import Tensor
 
 from gsedit.capture.fitting.optimizer import SceneOptimizer
 from gsedit.capture.fitting.update import MIN_SHOWN_SHARE, Target, rates
-from gsedit.paper.protocol import Editor, GroundTruth, StylePainter
+from gsedit.paper.protocol import GroundTruth, StylePainter
 from gsedit.paper.request import Request
 from gsedit.paper.view_plan import ViewPlan
 from gsedit.run.stopwatch import Stopwatch
@@ -202,8 +202,6 @@ class Session:
     """
     unedited: UneditedRenders
     progress: Progress
-    editor: Editor
-    """The request's, made for the planned views."""
 
     @property
     def scene(self) -> Gaussians:
@@ -219,7 +217,7 @@ class Session:
         """The edited picture of view i where the region shows, the unedited one elsewhere. What is
         drawn where nothing is, strokes around an object, is left out."""
         region, unedited = self.region, self.unedited
-        if region.is_all and isinstance(self.editor, StylePainter):
+        if region.is_all and isinstance(self.request.editor, StylePainter):
             return edited * unedited.rendering(i).alpha.clamp(0, 1)[..., None].to(edited)
         if region.is_all:
             return edited

@@ -37,15 +37,9 @@ def close(a, b, tolerance=1e-4):
     torch.testing.assert_close(a, b, rtol=0, atol=tolerance)
 
 
-def test_views_share_the_statistics_of_those_that_were_planned():
-    views = pictures(4)
-    editor = make_editor("painter")
-    prepared = editor.with_views(PROMPT, views)
-    together = painted(prepared, views)
-    close(together, torch.cat([painted(prepared, view[None]) for view in views]))
-    alone = torch.cat([painted(editor, view[None]) for view in views])
-    assert (alone - together).abs().mean() > 0.01
-    close(painted(editor, views), alone)  # the picture's own, in any batch
+def test_a_view_is_painted_alike_in_any_batch():
+    views, editor = pictures(4), make_editor("painter")
+    close(painted(editor, views), torch.cat([painted(editor, view[None]) for view in views]))
 
 
 def test_finished_views_stay():
@@ -61,7 +55,7 @@ def test_views_agree_where_they_show_the_same_place():
     views = pictures(2)
     labels = torch.arange(64).reshape(1, 8, 8).expand(2, 8, 8).contiguous()
     matches = Correspondences(labels, torch.ones(2, 2), 4)
-    editor = make_editor("painter").with_views(PROMPT, views)
+    editor = make_editor("painter")
 
     def apart(blocks):
         made = painted(replace(editor, blocks=blocks), views, correspondences=matches)
@@ -120,7 +114,9 @@ def test_strokes_around_an_object_are_left_out():
     for view in result.targets:
         nothing = render(scene, view.camera).alpha < 1e-6
         assert nothing.any()
-        assert not view.image[nothing].any()
+        assert view.image[nothing].max() < 1 / 255  # tails of pieces are a little longer
     assert any(event.stage == "strokes" for event in result.events)
-    assert not torch.equal(result.scene.sh[:, 0], scene.sh[:, 0])
-    assert torch.equal(result.scene.means, scene.means)
+    origin = result.origin
+    assert not torch.equal(result.scene.sh[:, 0], scene.sh[origin, 0])
+    off = (result.scene.means - scene.means[origin]).abs().amax(1)
+    assert (off <= 3 * scene.scales[origin].amax(1)).all()

@@ -64,8 +64,6 @@ class Arm:
     name: str
     views: Literal["planned", "random", "all"] = "planned"
     seed: int = 0
-    pooled: bool = True
-    """Whether all views share the statistics of the normalisations."""
     blocks: int = 0
     """Residual blocks after which corresponding cells get their mean: T_end."""
     solve: Literal["none", "mean", "lead"] = "lead"
@@ -84,7 +82,6 @@ ARMS = (
     Arm("mse", loss="mse"),
     Arm("ratio 1", ratio=1.0),
     Arm("switch", loss="switch"),
-    Arm("statistics alone", pooled=False),
     *(Arm(f"agree in {k}", blocks=k) for k in (1, 6)),
     Arm("random", views="random"),
     Arm("solve", solve="mean", steps=0),
@@ -125,7 +122,7 @@ class Bench:
 
     def fitted(self, arm: Arm) -> Work:
         """The scene of an arm."""
-        key = arm.views, arm.seed, arm.pooled, arm.blocks
+        key = arm.views, arm.seed, arm.blocks
         targets, painting = self.targets(*key)
         scene, shares, solving = self.start(*key, arm.solve)
         begin = time.process_time()
@@ -143,8 +140,8 @@ class Bench:
     def agreement(self, arm: Arm) -> dict[str, float | None]:
         """Meters of the painted views themselves, beside BASE's and beside BASE's blurred until
         they have the same energy."""
-        case, base = self.case, self.targets("planned", 0, True, 0)[0]
-        own = self.targets(arm.views, arm.seed, arm.pooled, arm.blocks)[0]
+        case, base = self.case, self.targets("planned", 0, 0)[0]
+        own = self.targets(arm.views, arm.seed, arm.blocks)[0]
         share = energy(list(own.values())) / energy(list(base.values()))
         found: dict[str, float | None] = {
             "target_energy": share,
@@ -156,7 +153,7 @@ class Bench:
         return found
 
     def _targets(
-        self, views: str, seed: int, pooled: bool, blocks: int
+        self, views: str, seed: int, blocks: int
     ) -> tuple[dict[int, Float[Tensor, "h w 3"]], float]:
         """Painted views by index, and seconds."""
         case = self.case
@@ -169,10 +166,6 @@ class Bench:
         matches = correspondences(case, chosen) if blocks else None  # in all arms, not counted
         begin = time.process_time()
         painter = replace(self.painter, blocks=blocks)
-        if pooled:
-            painter = painter.with_views(
-                self.style, torch.stack([case.unedited[i] for i in chosen])
-            )
         pictures = self.paint(painter, [case.unedited[i] for i in chosen], matches)
         return dict(zip(chosen, pictures)), time.process_time() - begin
 
@@ -182,8 +175,7 @@ class Bench:
         pictures: Sequence[Float[Tensor, "h w 3"]],
         matches: Correspondences | None = None,
     ) -> Float[Tensor, "v h w 3"]:
-        """Pictures as the painter paints them together; each by its own statistics where it has
-        none."""
+        """Pictures as the painter paints them together."""
         views = torch.stack(list(pictures))
         batch = EditBatch(views, views, self.style, matches)
         (done,) = painter.edit(batch, SamplerSettings(), torch.Generator())
@@ -191,10 +183,10 @@ class Bench:
         return done.images
 
     def _start(
-        self, views: str, seed: int, pooled: bool, blocks: int, solve: str
+        self, views: str, seed: int, blocks: int, solve: str
     ) -> tuple[Gaussians, dict[int, Float[Tensor, "h w"]], float]:
         """The scene where a descent begins, the weights of pixels, and seconds."""
-        case, targets = self.case, self.targets(views, seed, pooled, blocks)[0]
+        case, targets = self.case, self.targets(views, seed, blocks)[0]
         begin, scene, shares = time.process_time(), case.scene, {}
         if solve == "lead":
             leading = leading_views(case.weights[list(targets)], scene.means)
@@ -213,7 +205,7 @@ class Bench:
         """The scene of a strategy after so many processor seconds each; all descend the sum at a
         steady rate, and Gram weighs the same in all."""
         case, chance = self.case, torch.Generator().manual_seed(seed)
-        planned, start, spent, steps, edits = ("planned", 0, True, 0), case.scene, 0.0, 0, 0
+        planned, start, spent, steps, edits = ("planned", 0, 0), case.scene, 0.0, 0, 0
         targets: Mapping[int, Tensor] = {i: case.unedited[i] for i in case.views}
         shares: Mapping[int, Tensor] = {}
         if name not in ("iterative", REPAINT):
@@ -250,8 +242,8 @@ class Bench:
 
     def _gram_weight(self) -> float:
         """Lambda of BASE's first step, of every strategy."""
-        targets, _ = self.targets("planned", 0, True, 0)
-        scene, shares, _ = self.start("planned", 0, True, 0, "lead")
+        targets, _ = self.targets("planned", 0, 0)
+        scene, shares, _ = self.start("planned", 0, 0, "lead")
         descent = Descent(scene, self.case, "sum", GRAM_GRADIENT, 0)
         for i, target in targets.items():
             descent.put(i, target, shares[i])

@@ -12,7 +12,6 @@ from functools import lru_cache
 from pathlib import Path
 
 import torch
-from jaxtyping import Float
 from PIL import Image
 from torch import Tensor
 
@@ -22,7 +21,6 @@ from gsedit.paper.diffusion.settings import SamplerSettings
 from gsedit.paper.editors.painter.network import (
     CELL,
     Affine,
-    Moments,
     PaintNetwork,
     hold,
     load_picture_styles,
@@ -52,18 +50,11 @@ BRUSH = 384
 a grid of dots."""
 BATCHES = 6
 """A view takes 0.05 s, so that more of a scene is painted than another editor would edit."""
-MOST_SURVEYED_PIXELS = 600_000
-"""Pixels of all pictures that statistics are taken from, evenly spaced ones of more: the widest
-layer holds 32 numbers a pixel."""
 
 
 @dataclass(frozen=True, eq=False)
 class Painter:
-    """An Editor: every view is painted in the style that the sentence asks for, or of a picture.
-
-    The channels of every layer are normalised by the statistics of all planned views together
-    (`with_views`), so that colors do not jump from view to view; without, by the picture's own.
-    """
+    """An Editor: every view is painted in the style that the sentence asks for, or of a picture."""
 
     network: PaintNetwork
     styles: tuple[tuple[Affine, ...], ...]
@@ -77,10 +68,8 @@ class Painter:
     blocks: int = 0
     """Residual blocks after which views agree where they show the same place: it plays the part of
     t_end, and blurs strokes the more, the later it ends."""
-    moments: tuple[Moments, ...] | None = None
-    """Statistics that layers are normalised by; None: those of each picture."""
     cell: int = CELL
-    batches: int = BATCHES
+    stroke_batches: int = BATCHES
 
     def __post_init__(self) -> None:
         if not 0 <= self.strength <= 1:
@@ -103,13 +92,6 @@ class Painter:
         self._style(prompt)
 
     @torch.no_grad()
-    def with_views(self, prompt: str, pictures: Float[Tensor, "v h w 3"]) -> Painter:
-        """This editor with the statistics of these pictures, kept for every later view."""
-        step = 1 + len(pictures) * pictures[0, :, :, 0].numel() // MOST_SURVEYED_PIXELS
-        _, moments = self.network(padded(pictures[::step]), self._style(prompt))
-        return replace(self, moments=tuple(moments))
-
-    @torch.no_grad()
     def edit(
         self, batch: EditBatch, settings: SamplerSettings, generator: torch.Generator
     ) -> Iterator[EditProgress]:
@@ -120,8 +102,7 @@ class Painter:
         def agree(block: int, x: Tensor) -> Tensor:
             return batch.agreed(x, settings.consensus_weight) if block <= self.blocks else x
 
-        pooled = self.moments is not None
-        images, _ = self.network(padded(originals), style, self.moments, pooled, agree)
+        images = self.network(padded(originals), style, agree)
         change = images.movedim(1, -1)[:, :height, :width] - originals
         if self.keep_colors:
             change = (change @ change.new_tensor(LUMINANCE))[..., None]

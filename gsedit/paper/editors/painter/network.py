@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
-from itertools import repeat
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -36,13 +35,6 @@ class Affine(NamedTuple):
 
     gamma: Float[Tensor, " c"]
     beta: Float[Tensor, " c"]
-
-
-class Moments(NamedTuple):
-    """Mean and variance of a layer's channels, by which it is normalised."""
-
-    mean: Float[Tensor, "n c 1 1"]
-    variance: Float[Tensor, "n c 1 1"]
 
 
 def mixed(styles: Sequence[Sequence[Affine]], shares: Sequence[float]) -> tuple[Affine, ...]:
@@ -95,27 +87,21 @@ class PaintNetwork(nn.Module):
         self,
         images: Float[Tensor, "v 3 h w"],
         style: Sequence[Affine],
-        moments: Sequence[Moments] | None = None,
-        pooled: bool = True,
         agree: Agree | None = None,
-    ) -> tuple[Float[Tensor, "v 3 h w"], list[Moments]]:
-        """Painted pictures in [0, 1], and the moments by which layers were normalised."""
-        used: list[Moments] = []
+    ) -> Float[Tensor, "v 3 h w"]:
+        """Painted pictures in [0, 1], each normalised by its own statistics."""
         affine = iter(style)
-        known = iter(moments) if moments is not None else repeat(None)
 
         def layer(conv: Any, x: Tensor) -> Tensor:
             margin = conv.kernel_size[0] // 2
             y = conv(F.pad(x, (margin,) * 4, mode="reflect"))
             if conv.bias is not None:
                 return y
-            given = next(known)
-            mean = given.mean if given else _mean(y, pooled)
-            y = y.sub_(mean)
-            variance = given.variance if given else _mean_square(y, pooled)
-            used.append(Moments(mean, variance))
+            y = y.sub_(y.flatten(2).mean(2)[..., None, None])
+            # as torch.var_mean would say, but twenty times as quick
+            variance = torch.linalg.vector_norm(y.flatten(2), dim=2).square() / y[0, 0].numel()
             gamma, beta = (each[:, None, None] for each in next(affine))
-            return torch.addcmul(beta, y, gamma / (variance + EPSILON).sqrt())
+            return torch.addcmul(beta, y, gamma / (variance + EPSILON).sqrt()[..., None, None])
 
         x = images
         for conv in self.contract:
@@ -126,7 +112,7 @@ class PaintNetwork(nn.Module):
             x = agree(k, x) if agree else x
         for conv in self.expand[:2]:
             x = layer(conv, F.interpolate(x, scale_factor=2.0, mode="nearest")).relu_()
-        return layer(self.expand[2], x).sigmoid(), used
+        return layer(self.expand[2], x).sigmoid()
 
 
 @torch.no_grad()
@@ -135,24 +121,13 @@ def painted(
 ) -> Float[Tensor, "v h w 3"]:
     """Pictures of any size as a network paints them, sRGB in [0, 1]."""
     height, width = pictures.shape[1:3]
-    images, _ = network(padded(pictures), style)
+    images = network(padded(pictures), style)
     return images.movedim(1, -1)[:, :height, :width]
 
 
 def padded(pictures: Float[Tensor, "v h w 3"]) -> Float[Tensor, "v 3 H W"]:
     """Pictures as a network takes them: channels first, continued to sides of whole cells."""
     return pad_to_multiple(pictures, CELL, "mirror").movedim(-1, 1)
-
-
-def _mean(x: Float[Tensor, "v c y x"], pooled: bool) -> Float[Tensor, "n c 1 1"]:
-    means = x.flatten(2).mean(2)
-    return (means.mean(0, keepdim=True) if pooled else means)[..., None, None]
-
-
-def _mean_square(x: Float[Tensor, "v c y x"], pooled: bool) -> Float[Tensor, "n c 1 1"]:
-    """As torch.var_mean would say of centred numbers, but twenty times as quick."""
-    squares = torch.linalg.vector_norm(x.flatten(2), dim=2).square() / x[0, 0].numel()
-    return (squares.mean(0, keepdim=True) if pooled else squares)[..., None, None]
 
 
 @contextmanager
