@@ -13,8 +13,8 @@ LONGEST_FUNCTION = 40
 """Lines, the docstring not counted."""
 MOST = {
     "product": (("gsedit", "cli", "rasterizer"), 64_975, 368),
-    "tests": (("tests",), 30_861, 288),
-    "examples": (("examples",), 5_464, 41),
+    "tests": (("tests",), 30_855, 288),
+    "examples": (("examples",), 5_456, 41),
 }
 """Lines and files of Python of the whole house: whoever wants a line finds one to give. These
 numbers only ever fall."""

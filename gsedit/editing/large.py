@@ -1,5 +1,5 @@
-"""A large scene is drawn by groups, of neighbors that are smaller than the pixels one, each of which
-takes its share of the change; under strokes, Gaussians that are larger are drawn in pieces."""
+"""A large scene is drawn by groups: of neighbors that are smaller than the pixels one, and each has
+its share of the change. Under strokes, Gaussians that are larger are drawn in pieces."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import torch
 
+from gsedit.capture.fitting.densify import divided
 from gsedit.editing.measure import Changed, means_of, of_the_whole, pictures_at
 from gsedit.paper.draw import EditPlan, draw, explain
 from gsedit.paper.evaluate import Drawing
@@ -17,7 +18,6 @@ from gsedit.paper.skips import DISABLED, Decision, one_line
 from gsedit.paper.view_plan import survey
 from gsedit.run.events import Checkpoint, Event
 from gsedit.run.state import State
-from gsedit.scene.dividing import divided
 from gsedit.scene.framing import finest_pixels
 from gsedit.scene.merging import MAX_GAUSSIANS, MergedScene, coarsen
 from gsedit.views.dataset import evenly_spaced

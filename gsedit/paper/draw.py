@@ -20,7 +20,6 @@ from jaxtyping import Float
 from torch import Tensor
 
 from gsedit.capture.fitting.solve import MOST_COEFFICIENTS
-from gsedit.capture.fitting.strokes import leading_views
 from gsedit.errors import Said, UsageError
 from gsedit.paper.actions import RollbackAction
 from gsedit.paper.diffusion.precision import has_bfloat16
@@ -419,8 +418,6 @@ def _plan(request: Request, weights: Float[Tensor, "v n"]) -> ViewPlan:
             "(without them, some are placed around the scene), or no opacity reaches 1/255"
         )
     settings, cameras = request.settings, [view.camera for view in request.views]
-    if settings.view_plan == "planned" and request.keeps_strokes:
-        return _plan_of_leading(request, weights)
     if settings.view_plan == "random":
         seed, each = request.generator.initial_seed(), settings.views_per_batch
         return random_plan(weights, each, settings.most_batches, seed)
@@ -432,21 +429,6 @@ def _plan(request: Request, weights: Float[Tensor, "v n"]) -> ViewPlan:
         overlap=settings.overlap,
         whole=wholeness(request.scene.means, cameras, weights),
     )
-
-
-def _plan_of_leading(request: Request, weights: Float[Tensor, "v n"]) -> ViewPlan:
-    """The views whose strokes the scene will show, those that show most of the region first."""
-    settings, each = request.settings, request.settings.views_per_batch
-    if request.region is not None:
-        weights = weights * request.region.inside
-    most = settings.most_batches * each
-    leading = leading_views(weights, request.scene.means, most)
-    shown = torch.zeros(len(weights)).index_add_(0, leading, weights.amax(0))
-    shares, views = (shown / shown.sum().clamp_min(1e-9)).sort(descending=True, stable=True)
-    chosen = views[: int((shares > 0).sum())].tolist()
-    batches = tuple(tuple(chosen[k : k + each]) for k in range(0, len(chosen), each))
-    reached = shares.cumsum(0)[each - 1 :: each].tolist()
-    return ViewPlan(batches, (*reached, 1.0)[: len(batches)])
 
 
 def _note(request: Request, plan: ViewPlan) -> str:

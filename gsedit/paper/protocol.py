@@ -152,11 +152,8 @@ class Editor(Protocol):
 @runtime_checkable
 class StylePainter(Editor, Protocol):
     """An editor of the painting styles that gsedit.words reads, each in the part of the scene that
-    it is said of; any other gets a whole sentence as it is.
-
-    Its pictures hold strokes, which no two views place alike: views are not matched, and the scene
-    follows one view where that leads, and the pictures' style (gsedit.capture.fitting.strokes).
-    """
+    it is said of. No two views place a stroke alike: views are not matched, and the scene follows
+    one view where that leads, and the pictures' style (gsedit.capture.fitting.strokes)."""
 
     @property
     def stroke_batches(self) -> int:

@@ -77,6 +77,23 @@ def test_pictures_of_any_size_and_of_one_color(size, fill):
         assert 0 <= found.min() <= found.max() <= 1
 
 
+def test_views_agree_after_any_block_where_they_show_the_same_place():
+    painter, views = (
+        load_painter(),
+        torch.stack((waves(32, 32), 1 - waves(32, 32) ** 2)).movedim(-1, 1),
+    )
+
+    @torch.no_grad()
+    def apart(last):
+        def agree(block, x):
+            return x.mean(0, keepdim=True).expand_as(x) if block <= last else x
+
+        made = painter.network(views, painter.styles[3], agree)
+        return float((made[0] - made[1]).abs().mean())
+
+    assert max(apart(1), apart(6)) < 1e-5 < apart(0)
+
+
 def test_a_long_picture_has_the_style_of_its_squares():
     square = waves(64, 64)
     for along in (0, 1):

@@ -17,9 +17,9 @@ from jaxtyping import Float
 from kornia.filters import gaussian_blur2d
 from torch import Tensor
 
+from gsedit.capture.fitting.adam import BETA_1, BETA_2, EPSILON
 from gsedit.capture.fitting.solve import solve_colors
 from gsedit.capture.fitting.strokes import (
-    DECAYS,
     GRAM_GRADIENT,
     LAST_RATE,
     RATE,
@@ -30,14 +30,15 @@ from gsedit.capture.fitting.strokes import (
 )
 from gsedit.measures.features import FilterBank
 from gsedit.measures.perceptual import perceptual_distance
+from gsedit.paper.consistency.consensus import consensus
 from gsedit.paper.consistency.correspond import Correspondences, correspond
-from gsedit.paper.diffusion.settings import SamplerSettings
-from gsedit.paper.editors.painter.editor import Painter
-from gsedit.paper.protocol import EditBatch
+from gsedit.paper.editors.painter.editor import Painter, styles_asked
+from gsedit.paper.editors.painter.network import painted
 from gsedit.paper.session import render_with_depth
 from gsedit.paper.view_plan import random_plan
 from gsedit.views.dataset import View
 from gsedit.views.image_ops import pad_camera, pad_to_multiple
+from gsedit.words.lexicon import styles
 from rasterizer.numerics import SH_DC
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
@@ -165,22 +166,23 @@ class Bench:
             chosen = tuple(case.views[i] for i in plan.views)
         matches = correspondences(case, chosen) if blocks else None  # in all arms, not counted
         begin = time.process_time()
-        painter = replace(self.painter, blocks=blocks)
-        pictures = self.paint(painter, [case.unedited[i] for i in chosen], matches)
+        pictures = self.paint([case.unedited[i] for i in chosen], matches, blocks)
         return dict(zip(chosen, pictures)), time.process_time() - begin
 
+    @torch.no_grad()
     def paint(
         self,
-        painter: Painter,
         pictures: Sequence[Float[Tensor, "h w 3"]],
         matches: Correspondences | None = None,
+        blocks: int = 0,
     ) -> Float[Tensor, "v h w 3"]:
-        """Pictures as the painter paints them together."""
-        views = torch.stack(list(pictures))
-        batch = EditBatch(views, views, self.style, matches)
-        (done,) = painter.edit(batch, SamplerSettings(), torch.Generator())
-        assert done.images is not None
-        return done.images
+        """Pictures as the painter paints them; so many residual blocks end in agreement."""
+
+        def agree(block: int, x: Tensor) -> Tensor:
+            return consensus(x, matches.labels) if matches and block <= blocks else x
+
+        style = self.painter.styles[styles()[styles_asked(self.style)[0]]]
+        return painted(self.painter.network, torch.stack(list(pictures)), style, agree)
 
     def _start(
         self, views: str, seed: int, blocks: int, solve: str
@@ -231,7 +233,7 @@ class Bench:
                 shown = case.unedited[view]
                 if name == REPAINT:
                     shown = descent.drawn(view).now(descent.change).detach().clamp(0, 1)
-                descent.put(view, self.paint(self.painter, [shown])[0])
+                descent.put(view, self.paint([shown])[0])
                 edits += 1
                 for _ in range(ROUND):
                     descent.step(descent.any_view(), STEADY)
@@ -260,7 +262,7 @@ class Descent:
         self.weight: float | None = None
         """That of the Gram loss; None: by the ratio, at the first step."""
         self.change = torch.zeros_like(scene.means, requires_grad=True)
-        self._adam = torch.optim.Adam([self.change], RATE, DECAYS)
+        self._adam = torch.optim.Adam([self.change], RATE, (BETA_1, BETA_2), EPSILON)
         self._chance = torch.Generator().manual_seed(seed)
         self._targets: dict[int, tuple[Tensor, Tensor]] = {}
         self._drawn: dict[int, Drawn] = {}

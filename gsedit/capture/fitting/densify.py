@@ -1,9 +1,14 @@
-"""More Gaussians where pictures disagree most, fewer where nothing shows (Kerbl et al. 2023)."""
+"""More Gaussians where pictures disagree most, fewer where nothing shows (Kerbl et al. 2023); and
+pieces of large ones, since patterns that are finer than the Gaussians of a scene cannot appear.
+
+`n` Gaussians before, `m` after.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from math import log, sqrt
 from typing import NamedTuple
 
 import torch
@@ -12,8 +17,8 @@ from torch import Tensor
 
 from gsedit.run.state import tensor_like
 from gsedit.run.step_threads import on_threads
-from gsedit.scene.dividing import halved
 from rasterizer.camera import Camera
+from rasterizer.project import rotation_matrices
 from rasterizer.render import render
 from rasterizer.scene import Gaussians, concatenate
 
@@ -23,6 +28,18 @@ PRUNED_OPACITY = 0.005
 """Opacity below which a Gaussian is removed: an 8-bit picture hardly shows it."""
 DECAY = 0.004
 """Opacity subtracted from every Gaussian each time; training restores what the photos need."""
+SPLIT_OFFSET = 0.75
+"""The two halves of a Gaussian lie so many standard deviations off its center, along its longest
+axis, and are shorter there by as much as leaves the second moment of both together what it was."""
+SPLIT_LENGTH = sqrt(1 - SPLIT_OFFSET**2)
+"""Length of a half along that axis, in lengths of the whole."""
+LONG, MOST_LONG = 1.15, 8.0
+"""Times the wanted length of its longest axis from which a Gaussian is divided, and from which it
+is no more urgent."""
+MOST_HALVINGS = 8
+"""Times that a Gaussian is halved: a flat one is then a fifth as long on both axes."""
+MOST_AT_ONCE = 0.6
+"""Share of the Gaussians that are halved in a round: the most urgent come first."""
 NEAR_SHARE = 0.5
 """Share of the depth at which a camera's picture begins, nearer than which a Gaussian is a floater:
 photos are taken from where nothing stands between the camera and the scene."""
@@ -135,3 +152,43 @@ def faded(scene: Gaussians, decay: float = DECAY) -> Gaussians:
     # an opacity of 1, which a tiny decay rounds to, has no finite logit
     logits = torch.minimum(scene.logit_opacities, torch.logit(opacities))
     return replace(scene, logit_opacities=logits)
+
+
+@torch.no_grad()
+def divided(
+    scene: Gaussians, longest: Float[Tensor, " n"], worth: Float[Tensor, " n"], most: int
+) -> tuple[Gaussians, Int[Tensor, " m"]]:
+    """Divide Gaussians until no axis is much longer than `longest` (standard deviation, world
+    units), or there are `most`; those of the greatest `worth` and length first, none without worth.
+
+    Returns the scene, whose pictures change little, and the row before of each Gaussian.
+    """
+    origin = torch.arange(len(scene))
+    for _ in range(MOST_HALVINGS):
+        ratio = scene.scales.amax(-1) / longest.clamp_min(1e-12)
+        urgent = torch.where(ratio > LONG, worth * (ratio.clamp_max(MOST_LONG) - 1), 0.0)
+        count = min(most - len(scene), int((urgent > 0).sum()), int(MOST_AT_ONCE * len(scene)))
+        if count <= 0:
+            break
+        picked = urgent.topk(count).indices
+        kept = torch.ones(len(scene), dtype=torch.bool).index_fill(0, picked, False)
+        rows = torch.cat((kept.nonzero().squeeze(-1), picked, picked))
+        scene = concatenate(scene[rows[: -2 * count]], *halved(scene[picked]))
+        worth = torch.where(kept, worth, worth / 2)[rows]
+        longest, origin = longest[rows], origin[rows]
+    return scene, origin
+
+
+def halved(parents: Gaussians) -> tuple[Gaussians, Gaussians]:
+    """Two for each, along its longest axis: together they have its mass (the integral of its
+    opacity), mean and covariance."""
+    longest, axis = parents.scales.max(-1)
+    rotation = rotation_matrices(parents.quats)
+    direction = rotation.gather(2, axis[:, None, None].expand(-1, 3, 1)).squeeze(-1)
+    offset = SPLIT_OFFSET * longest[:, None] * direction
+    shorter = torch.nn.functional.one_hot(axis, 3) * log(SPLIT_LENGTH)
+    opacity = parents.opacities / (2 * SPLIT_LENGTH)
+    half = replace(
+        parents, log_scales=parents.log_scales + shorter, logit_opacities=torch.logit(opacity)
+    )
+    return replace(half, means=half.means - offset), replace(half, means=half.means + offset)

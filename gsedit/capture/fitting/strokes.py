@@ -15,6 +15,7 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
+from gsedit.capture.fitting.adam import Adam
 from gsedit.measures.features import FeatureExtractor
 from gsedit.measures.losses import gram
 from gsedit.run.step_threads import StepThreads
@@ -26,10 +27,8 @@ from rasterizer.color_weights import ColorWeights, color_weights
 from rasterizer.numerics import SH_DC
 from rasterizer.scene import Gaussians
 
-NEAR = 9
-"""Gaussians, itself with it, whose weights are averaged before a view is chosen."""
-ROUNDS = 2
-"""Times that weights are averaged: a view leads in patches, not in single Gaussians."""
+NEAR, ROUNDS = 9, 2
+"""Weights are averaged over so many near Gaussians, so many times: a view leads in patches."""
 GOOD = 0.25
 """Share of what the best view sees of a place from which another may lead there: strokes are cut
 where the lead changes, so that few views lead, each in as large a part as it can."""
@@ -44,17 +43,13 @@ RATE = 0.02
 """Learning rate of colors in [0, 1]: with three times as much strokes are specks."""
 LAST_RATE = 0.1
 """Share of the rate at the last step; it falls linearly."""
-DECAYS, EPSILON = (0.9, 0.99), 1e-8
-"""Constants of Adam: the second decay forgets within the few dozen steps that there are."""
 
 
-def leading_views(
-    weights: Float[Tensor, "v n"], means: Float[Tensor, "n 3"], most: int | None = None
-) -> Int[Tensor, " n"]:
+def leading_views(weights: Float[Tensor, "v n"], means: Float[Tensor, "n 3"]) -> Int[Tensor, " n"]:
     """The view that each Gaussian follows; `weights`: what each view sees of it.
 
-    Few views lead, at most so many: the next is always that which sees most of what none leads yet,
-    wherever it sees at least the share GOOD of what the best view does.
+    Few views lead: the next is always that which sees most of what none leads yet, wherever it sees
+    at least the share GOOD of what the best view does.
     """
     points = means.detach().double().numpy()
     near = torch.from_numpy(k_nearest(points, points, min(NEAR, len(points)))[1])
@@ -62,7 +57,7 @@ def leading_views(
         weights = torch.stack([each[near].mean(1) for each in weights])
     best, leading = weights.amax(0), torch.zeros(len(means), dtype=torch.long)
     able, free, chosen = weights >= GOOD * best, best > 0, list[int]()
-    while len(chosen) < (most or len(weights)) and best[free].sum() > (1 - LED) * best.sum():
+    while len(chosen) < len(weights) and best[free].sum() > (1 - LED) * best.sum():
         chosen.append(int((weights * (able & free)).sum(1).argmax()))
         taken = able[chosen[-1]] & free
         leading[taken], free = chosen[-1], free & ~taken
@@ -103,8 +98,7 @@ def stroke_steps(
         for view, share in zip(targets, shares)
     ]
     change = torch.zeros_like(scene.means, requires_grad=True)
-    moments = torch.zeros_like(scene.means), torch.zeros_like(scene.means)
-    weight, threads, order = None, StepThreads(), list[int]()
+    adam, weight, threads, order = Adam(), None, StepThreads(), list[int]()
     for step in range(steps):
         order = order or torch.randperm(len(drawn), generator=generator).tolist()
         view = drawn[order.pop()]
@@ -116,27 +110,11 @@ def stroke_steps(
             loss = error + weight * style
             (gradient,) = torch.autograd.grad(loss, change)
             rate = RATE * (1 - (1 - LAST_RATE) * step / steps)
-            _descend(change.detach(), moments, gradient, rate, step + 1)
+            adam.step({"colors": change}, {"colors": gradient}, {"colors": rate})
         yield loss.item()
     sh = scene.sh.clone()
     sh[:, 0] += change.detach() * inside[:, None] / SH_DC
     yield replace(scene, sh=sh)
-
-
-def _descend(
-    change: Float[Tensor, "n 3"],
-    moments: tuple[Float[Tensor, "n 3"], Float[Tensor, "n 3"]],
-    gradient: Float[Tensor, "n 3"],
-    rate: float,
-    step: int,
-) -> None:
-    """Apply step number `step` of Adam (Kingma and Ba 2015) in place. torch.optim takes a second to
-    load, and the kernel of fits has no epsilon that spares what is hardly seen."""
-    first, second = moments
-    first.lerp_(gradient, 1 - DECAYS[0])
-    second.lerp_(gradient.square(), 1 - DECAYS[1])
-    mean, square = (m / (1 - decay**step) for m, decay in zip(moments, DECAYS))
-    change.addcdiv_(mean, square.sqrt_().add_(EPSILON), value=-rate)
 
 
 def gradient_ratio(

@@ -13,7 +13,6 @@ from pathlib import Path
 
 import torch
 from PIL import Image
-from torch import Tensor
 
 from gsedit.errors import Said, UsageError
 from gsedit.formats.pictures import as_picture
@@ -25,7 +24,6 @@ from gsedit.paper.editors.painter.network import (
     hold,
     load_picture_styles,
     mixed,
-    padded,
     painted,
     read_style_picture,
     style_of,
@@ -65,9 +63,6 @@ class Painter:
     """How far pictures go to the style, from 0 to 1."""
     keep_colors: bool = False
     """Whether only the brightness of pictures is painted."""
-    blocks: int = 0
-    """Residual blocks after which views agree where they show the same place: it plays the part of
-    t_end, and blurs strokes the more, the later it ends."""
     cell: int = CELL
     stroke_batches: int = BATCHES
 
@@ -96,20 +91,14 @@ class Painter:
         self, batch: EditBatch, settings: SamplerSettings, generator: torch.Generator
     ) -> Iterator[EditProgress]:
         """Paint the originals; anchored views stay as they are. Raises UsageError as `check`."""
-        style, originals = self._style(batch.prompt), batch.originals
-        height, width = originals.shape[1:3]
-
-        def agree(block: int, x: Tensor) -> Tensor:
-            return batch.agreed(x, settings.consensus_weight) if block <= self.blocks else x
-
-        images = self.network(padded(originals), style, agree)
-        change = images.movedim(1, -1)[:, :height, :width] - originals
+        originals = batch.originals
+        change = painted(self.network, originals, self._style(batch.prompt)) - originals
         if self.keep_colors:
             change = (change @ change.new_tensor(LUMINANCE))[..., None]
-        painted = (originals + self.strength * change).clamp(0, 1)
+        images = (originals + self.strength * change).clamp(0, 1)
         if batch.anchored is not None:
-            painted = torch.where(batch.anchored[:, None, None, None], batch.images, painted)
-        yield EditProgress(1, 1, painted)
+            images = torch.where(batch.anchored[:, None, None, None], batch.images, images)
+        yield EditProgress(1, 1, images)
 
     def _style(self, prompt: str) -> tuple[Affine, ...]:
         """The affine maps that a sentence asks for. Raises UsageError."""

@@ -117,17 +117,15 @@ class PaintNetwork(nn.Module):
 
 @torch.no_grad()
 def painted(
-    network: PaintNetwork, pictures: Float[Tensor, "v h w 3"], style: Sequence[Affine]
+    network: PaintNetwork,
+    pictures: Float[Tensor, "v h w 3"],
+    style: Sequence[Affine],
+    agree: Agree | None = None,
 ) -> Float[Tensor, "v h w 3"]:
     """Pictures of any size as a network paints them, sRGB in [0, 1]."""
     height, width = pictures.shape[1:3]
-    images = network(padded(pictures), style)
-    return images.movedim(1, -1)[:, :height, :width]
-
-
-def padded(pictures: Float[Tensor, "v h w 3"]) -> Float[Tensor, "v 3 H W"]:
-    """Pictures as a network takes them: channels first, continued to sides of whole cells."""
-    return pad_to_multiple(pictures, CELL, "mirror").movedim(-1, 1)
+    whole = pad_to_multiple(pictures, CELL, "mirror").movedim(-1, 1)
+    return network(whole, style, agree).movedim(1, -1)[:, :height, :width]
 
 
 @contextmanager
