@@ -17,7 +17,7 @@ from torch import Tensor
 from gsedit.app.frames import SMALL_SCENE
 from gsedit.app.loaded import DRAFT_PIXELS, Loaded, give_back
 from gsedit.app.reading import Reading, editor_2d, read
-from gsedit.change.objects.growth.table import GROWTHS
+from gsedit.change.objects.growth.places import GROWTHS
 from gsedit.editing.edit import change_steps
 from gsedit.editing.measure import Changed
 from gsedit.editing.parts import SUBJECT, aimed_at, find_parts

@@ -11,7 +11,7 @@ import torch
 from jaxtyping import Bool
 from torch import Tensor
 
-from gsedit.editing.large import drawn, explained
+from gsedit.editing.grain import drawn, explained
 from gsedit.editing.measure import Changed, EditResult, changed_by, measured
 from gsedit.editing.painters import Looking, painted
 from gsedit.editing.parts import aimed_at, assumed, find_parts

@@ -24,14 +24,14 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from gsedit.change import objects
+from gsedit.change.light.kinds import setup_of
 from gsedit.change.light.relight import relit
-from gsedit.change.light.table import setup_of
 from gsedit.change.materials.apply import in_material
-from gsedit.change.materials.table import material_of, paint_of
+from gsedit.change.materials.kinds import material_of, paint_of
 from gsedit.change.objects.growth.grow import grow
-from gsedit.change.objects.growth.table import GROWTHS
+from gsedit.change.objects.growth.places import GROWTHS
 from gsedit.change.objects.placing.placement import Placement, RelativePlace, Side
-from gsedit.change.scenery.table import SCENERIES, in_scenery
+from gsedit.change.scenery.effects import SCENERIES, in_scenery
 from gsedit.editing.parts import Parts
 from gsedit.editing.plan import COPY, key_of, runs_of
 from gsedit.errors import Said, UsageError

@@ -51,7 +51,7 @@ def first_refusal(sentence: str) -> str | None:
 
 def reason(refused: Refused) -> Said:
     """Message to a person for a refusal, with the words that stopped it."""
-    kind, *words = refused.args
+    kind, *words = refused.args if all(refused.args) else ("nameless",)
     if kind == "style":
         return no_style(words[0])
     if kind == "unknown":

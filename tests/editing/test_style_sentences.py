@@ -6,7 +6,7 @@ import torch
 
 import gsedit
 from gsedit.editing.edit import prepare
-from gsedit.editing.large import MOST_TIMES
+from gsedit.editing.grain import MOST_TIMES
 from gsedit.editing.plan import read_steps, steps_of
 from gsedit.editing.preview import drawn_region, preview_edited
 from gsedit.errors import UsageError

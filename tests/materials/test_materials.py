@@ -13,8 +13,8 @@ from small_scenes import scenes
 
 from gsedit.bench.synthetic import ring_cameras
 from gsedit.change.materials.apply import Relief, displayed, engraved, in_material
+from gsedit.change.materials.kinds import MATERIALS, Layer, Material, PatternName, material_of
 from gsedit.change.materials.shading import Ground, environment_brdf, grain, share_of
-from gsedit.change.materials.table import MATERIALS, Layer, Material, PatternName, material_of
 from gsedit.errors import UsageError
 from gsedit.scene.picture import render_picture
 from gsedit.scene.quaternions import even_directions

@@ -12,7 +12,7 @@ from gsedit.bench.synthetic.scene import SyntheticScene
 from gsedit.bench.synthetic.shapes import cylinder, sphere, translate, union
 from gsedit.bench.synthetic.splats import surface_gaussians
 from gsedit.change.objects.growth.grow import MOST_NEW, blanket, grow
-from gsedit.change.objects.growth.table import GROWTHS
+from gsedit.change.objects.growth.places import GROWTHS
 from gsedit.errors import UsageError
 from gsedit.scene.outcome import NEW
 from gsedit.views.orbit import orbit

@@ -11,7 +11,7 @@ from changes import painted
 from plain_scenes import cloud, discs, ring
 
 from gsedit.change.light.relight import survey
-from gsedit.change.scenery.table import SCENERIES, Setting, autumn, in_scenery, snow
+from gsedit.change.scenery.effects import SCENERIES, Setting, autumn, in_scenery, snow
 from gsedit.errors import UsageError
 from gsedit.words.instruction import Change
 from rasterizer.harmonics import colors

@@ -2,10 +2,10 @@
 
 import pytest
 
-from gsedit.change.light.table import LIGHTS
-from gsedit.change.materials.table import MATERIALS
-from gsedit.change.objects.growth.table import GROWTHS
-from gsedit.change.scenery.table import SCENERIES
+from gsedit.change.light.kinds import LIGHTS
+from gsedit.change.materials.kinds import MATERIALS
+from gsedit.change.objects.growth.places import GROWTHS
+from gsedit.change.scenery.effects import SCENERIES
 from gsedit.words.read import read_instruction
 
 ELSEWHERE = {"turquoise", "snow"}  # a paint and a weather where nothing else is said

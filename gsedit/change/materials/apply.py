@@ -17,6 +17,7 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
+from gsedit.change.materials.kinds import Material
 from gsedit.change.materials.shading import (
     RAYS,
     Ground,
@@ -32,7 +33,6 @@ from gsedit.change.materials.shading import (
     ray_directions,
     reflectance,
 )
-from gsedit.change.materials.table import Material
 from gsedit.errors import UsageError
 from gsedit.scene.cache import cached_per_scene
 from gsedit.scene.color_space import LUMINANCE, linear_of_srgb, srgb_of_linear

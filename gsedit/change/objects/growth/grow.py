@@ -19,10 +19,10 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from gsedit.change.light.relight import Survey, step, survey
-from gsedit.change.objects.growth.table import Growth, Site, Spots, growth_of
+from gsedit.change.objects.growth.places import Growth, Site, Spots, growth_of
 from gsedit.change.objects.placing.daylight import sun_of
 from gsedit.change.objects.placing.stance import stance_of
-from gsedit.change.scenery.table import Setting, in_scenery
+from gsedit.change.scenery.effects import Setting, in_scenery
 from gsedit.errors import UsageError
 from gsedit.scene.framing import ends
 from gsedit.scene.neighbors import k_nearest

@@ -1,4 +1,4 @@
-"""Growths by name, as a table of data: where they lie, how thick, of what they are made.
+"""Growths, rows of gsedit/words/names.txt: where they lie, how thick, of what they are made.
 
 `m` places on a surface, `n` Gaussians of the scene; shares are in [0, 1].
 """
@@ -16,7 +16,7 @@ from torch import Tensor
 
 from gsedit.change.light.relight import Surface, received, step
 from gsedit.change.objects.placing.daylight import Sun, shadow_of
-from gsedit.change.scenery.table import Setting
+from gsedit.change.scenery.effects import Setting
 from gsedit.errors import UsageError
 from gsedit.scene.color_space import LUMINANCE
 from gsedit.scene.framing import weighted_quantile

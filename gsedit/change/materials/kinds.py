@@ -1,4 +1,4 @@
-"""Materials: how a surface reflects and the patterns in it; the table of those with a name; and
+"""Materials: how a surface reflects, its patterns; those with a name (gsedit/words/names.txt) and
 the one that words name: "brushed copper with green patina", "matte", "polished granite".
 
 Loads no torch.
