@@ -21,7 +21,7 @@ from gsedit.scene.picture import render_picture
 from gsedit.select.region import Region
 from gsedit.views.dataset import Dataset, View
 from gsedit.views.lazy_views import of_one_size
-from gsedit.views.viewpoints import Viewpoint, Views, same_size, that_see, thinned
+from gsedit.views.viewpoints import Viewpoint, Views, same_size, that_see, thinned, viewpoints_of
 from rasterizer.camera import Camera
 from rasterizer.scene import Gaussians
 
@@ -132,7 +132,7 @@ def build_request(
     check_installed(settings.update)
     editor = method.editor
     size = _edit_size(settings, editor)
-    drawn = size if isinstance(editor, StylePainter) else None
+    drawn = size if isinstance(editor, StylePainter) and settings.condition != "photo" else None
     some, held_out = of_one_size(_pictures(views, scene, drawn)).split()
     if not some:  # a single view, which would be held out, may be edited
         some, held_out = held_out, ()
@@ -147,9 +147,9 @@ def _pictures(views: Views, scene: Gaussians, drawn: int | None) -> Dataset:
     """Views with pictures: photos, or renders that are made when they are read. Of many cameras
     every k-th is taken, and those that see nothing of the scene are left out; smaller ones are
     made `drawn` pixels long, so that strokes come into the scene as they are drawn."""
-    if isinstance(views, Dataset):
+    if isinstance(views, Dataset) and not drawn:
         return views
-    seeing = that_see(thinned(views), scene)
+    seeing = that_see(thinned(viewpoints_of(views)), scene)
     if drawn and drawn > max(seeing[0].camera.width, seeing[0].camera.height):
         seeing = same_size(seeing, drawn)
 
