@@ -101,8 +101,7 @@ class Previewer:
         region = drawn_region(self.finder, reading.first, editor_2d())
         found = preview_edited(
             self.loaded.scene, reading.first.text, camera, editor_2d(),
-            # as `gsedit edit` gives a 2D editor
-            execution=self.settings.execution, size=256, region=region,
+            execution=self.settings.execution, region=region,
         )  # fmt: skip
         return eight_bits(found.after.image)
 

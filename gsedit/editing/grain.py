@@ -7,6 +7,8 @@ from collections.abc import Generator
 from dataclasses import replace
 
 import torch
+from jaxtyping import Int
+from torch import Tensor
 
 from gsedit.capture.fitting.densify import divided
 from gsedit.editing.measure import Changed, means_of, of_the_whole, pictures_at
@@ -20,7 +22,9 @@ from gsedit.run.events import Checkpoint, Event
 from gsedit.run.state import State
 from gsedit.scene.framing import finest_pixels
 from gsedit.scene.merging import MAX_GAUSSIANS, MergedScene, coarsen
+from gsedit.select.region import everything
 from gsedit.views.dataset import evenly_spaced
+from rasterizer.scene import Gaussians
 
 MEASURED_VIEWS = 4
 """Held-out views at which a large scene is measured: its renders take seconds."""
@@ -32,12 +36,12 @@ def drawn(
     """Draw a request as `draw` does; of a large scene its groups. The drawing has all Gaussians, or
     the pieces of those that strokes are finer than."""
     merged, few = _by_groups(request)
-    if merged is None and request.keeps_strokes:
-        return (yield from _in_pieces(request, resume))
-    decision, events = _decide(request, merged), ()
+    decision, events, origin = _decide(request, merged), (), None
     if merged is not None:
         events = (Event("skip", 0.0, note=one_line((decision,))),)
         yield from events if resume is None else ()
+    elif request.keeps_strokes:
+        few, origin = _in_pieces(request)
     work = draw(few, resume)
     while True:
         try:
@@ -45,37 +49,31 @@ def drawn(
         except StopIteration as ended:
             drawing: Drawing = ended.value
             break
-        yield _of_all(item, merged)
+        if few is not request and isinstance(item, Checkpoint):
+            item = _of_all(item, merged, few.scene)
+        yield item
     evidence = drawing.evidence
     told = (decision, *evidence.decisions)
     evidence = replace(evidence, decisions=told, events=(*events, *evidence.events))
     drawing = replace(drawing, evidence=evidence)
-    return drawing if merged is None else _carried(drawing, request, merged)
+    return _carried(drawing, request, merged, origin)
 
 
-PIECE = 1.0
-"""Standard deviation, in pixels of what is drawn, to which Gaussians are divided under strokes."""
 MOST_TIMES = 8
 """Times as many Gaussians as before that there are at most then, and never over MAX_GAUSSIANS."""
 
 
-def _in_pieces(
-    request: Request, resume: State | None
-) -> Generator[Event | Checkpoint, None, Drawing]:
-    """Draw strokes on a scene whose Gaussians are divided where strokes are finer."""
+def _in_pieces(request: Request) -> tuple[Request, Int[Tensor, " m"]]:
+    """The request to draw on a scene whose Gaussians are divided where strokes are finer (standard
+    deviation: a pixel of what is drawn), and the row before of each piece."""
     before, region, size = request.scene, request.region, request.settings.edit_size
     cameras = [edit_camera(view.camera, size) for view in request.views]
     worth = survey(before, cameras).amax(0) * (1.0 if region is None else region.inside)
-    finest = PIECE * finest_pixels(before.means, cameras)
-    most = min(MAX_GAUSSIANS, MOST_TIMES * len(before))
-    pieces, origin = divided(before, finest, worth, most)
+    finest = finest_pixels(before.means, cameras)
+    pieces, origin = divided(before, finest, worth, min(MAX_GAUSSIANS, MOST_TIMES * len(before)))
     if region is not None:
         region = replace(region, inside=region.inside[origin])
-    drawing = yield from draw(replace(request, scene=pieces, region=region), resume)
-    evidence = of_the_whole(drawing.evidence, before, drawing.scene)
-    told = f"{len(before):,} Gaussians are {len(pieces):,} now: strokes are finer than some were"
-    notes = (*drawing.notes, *[told] * (len(pieces) > len(before)))
-    return replace(drawing, origin=origin, notes=notes, evidence=evidence)
+    return replace(request, scene=pieces, region=region), origin
 
 
 def explained(request: Request) -> EditPlan:
@@ -100,27 +98,39 @@ def _by_groups(request: Request) -> tuple[MergedScene | None, Request]:
     return merged, replace(request, scene=merged.scene, region=region)
 
 
-def _of_all(item: Event | Checkpoint, merged: MergedScene | None) -> Event | Checkpoint:
-    """An event, or a checkpoint whose scene has all Gaussians."""
-    if merged is None or isinstance(item, Event):
-        return item
-    groups = item.copy_scene
-    return replace(item, copy_scene=lambda: merged.transfer(groups()))
+def _of_all(item: Checkpoint, merged: MergedScene | None, drawn: Gaussians) -> Checkpoint:
+    """A checkpoint whose scene has all Gaussians; that of pieces holds what does not move too."""
+    if merged is not None:
+        groups = item.copy_scene
+        return replace(item, copy_scene=lambda: merged.transfer(groups()))
+    still = {f"optimizer.value.{name}": value for name, value in vars(drawn).items()}
+    return replace(item, state=replace(item.state, tensors={**still, **item.state.tensors}))
 
 
-def _carried(drawing: Drawing, request: Request, merged: MergedScene) -> Drawing:
-    """A drawing of groups, carried to all Gaussians, with renders and means of these."""
-    before, after = request.scene, merged.transfer(drawing.scene)
-    region = replace(drawing.region, inside=merged.expand(drawing.region.inside))
+def _carried(
+    drawing: Drawing, request: Request, merged: MergedScene | None, origin: Tensor | None
+) -> Drawing:
+    """A drawing of groups, carried to all Gaussians, or of pieces, with renders and means that
+    compare it with the whole scene before."""
+    if merged is None and origin is None:
+        return drawing
+    before, after, region, notes = request.scene, drawing.scene, drawing.region, drawing.notes
+    if merged is not None:
+        after = merged.transfer(drawing.scene)
+        region = replace(region, inside=merged.expand(region.inside))
+    elif len(after) > len(before):
+        told = f"{len(before):,} Gaussians are {len(after):,} now: strokes are finer than some were"
+        notes = (*notes, told)
     evidence = of_the_whole(drawing.evidence, before, after)
     few = [request.held_out[i] for i in evenly_spaced(len(request.held_out), MEASURED_VIEWS)]
     originals = (*evidence.originals, *pictures_at(before, few))
     finals = (*evidence.finals, *pictures_at(after, few))
-    edited = len(evidence.originals)
-    means = means_of(before, Changed(after, region), originals, finals, edited)
+    own = None if merged else request.region or everything(before)
+    changed = Changed(after, region, region_before=own)
+    means = means_of(before, changed, originals, finals, len(evidence.originals))
     evidence = replace(evidence, metrics=evidence.metrics.with_means(means))
-    rows = torch.arange(len(after))
-    return Drawing(after, rows, region.inside, drawing.notes, region=region, evidence=evidence)
+    rows = torch.arange(len(after)) if origin is None else origin
+    return Drawing(after, rows, region.inside, notes, region=region, evidence=evidence)
 
 
 def _decide(request: Request, merged: MergedScene | None) -> Decision:

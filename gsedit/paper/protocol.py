@@ -10,7 +10,6 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from gsedit.paper.consistency.consensus import consensus
 from gsedit.paper.consistency.correspond import Correspondences
 from gsedit.paper.diffusion.guidance import Predictor
 from gsedit.paper.diffusion.sampler import levels_of
@@ -42,16 +41,6 @@ class EditBatch:
     noise in all of them."""
     subject: Float[Tensor, "v h w"] | None = None
     """The probability that a pixel shows what is to be edited. None: the editor decides."""
-
-    def agreed(
-        self, cells: Float[Tensor, "v c y x"], strength: float = 1.0
-    ) -> Float[Tensor, "v c y x"]:
-        """Values of cells, brought to their mean where views show the same place: those of anchored
-        views, which stay. `strength` as in `consensus`."""
-        if self.correspondences is None:
-            return cells
-        labels = self.correspondences.labels
-        return consensus(cells, labels, anchored=self.anchored, strength=strength)
 
 
 @dataclass(frozen=True, eq=False)

@@ -150,6 +150,8 @@ def _pictures(views: Views, scene: Gaussians, drawn: int | None) -> Dataset:
     if isinstance(views, Dataset) and not drawn:
         return views
     seeing = that_see(thinned(viewpoints_of(views)), scene)
+    if not seeing:
+        raise UsageError("no camera sees any of the scene: they may not be in the same frame")
     if drawn and drawn > max(seeing[0].camera.width, seeing[0].camera.height):
         seeing = same_size(seeing, drawn)
 

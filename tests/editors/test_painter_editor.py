@@ -39,15 +39,6 @@ def test_a_view_is_painted_alike_in_any_batch():
     close(painted(editor, views), torch.cat([painted(editor, view[None]) for view in views]))
 
 
-def test_finished_views_stay():
-    views, anchored = pictures(3), torch.tensor([True, False, False])
-    done = torch.zeros_like(views)
-    batch = EditBatch(done, views, PROMPT, anchored=anchored)
-    (step,) = make_editor("painter").edit(batch, SamplerSettings(), torch.Generator())
-    assert not step.images[0].any()
-    assert step.images[1:].any()
-
-
 def test_strength_leads_from_the_picture_to_the_painting():
     views = pictures(1)
     whole, half, none = (

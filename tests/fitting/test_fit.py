@@ -11,7 +11,7 @@ from small_scenes import generator, scenes, traced_dataset
 
 from gsedit import Checkpoint, Dataset, Event, FitSettings, fit, fit_steps
 from gsedit.bench.synthetic import ring_cameras
-from gsedit.capture.fitting.densify import densify, faded, without_floaters
+from gsedit.capture.fitting.densify import densify, divided, faded, without_floaters
 from gsedit.capture.fitting.fit import evaluate
 from gsedit.capture.fitting.initial import initial_scene
 from gsedit.capture.fitting.optimizer import SceneOptimizer
@@ -115,13 +115,20 @@ def test_densify_divides_the_strongest_and_drops_the_transparent():
     assert torch.equal(kept.means, scene.means[origin[~fresh]])
 
 
-def test_two_halves_have_the_mass_the_mean_and_the_covariance_of_the_whole():
+@pytest.mark.parametrize("densified", [True, False])
+def test_pieces_have_the_mass_the_mean_and_the_covariance_of_the_whole(densified):
     scene = ball(5)
     longer = scene.log_scales + torch.tensor([0.0, 1.0, -0.5])
     scene = replace(scene, log_scales=longer, quats=torch.randn(5, 4, generator=generator()))
-    halves, origin, fresh = densify(scene, torch.ones(5), 10, most=1.0)
-    scene = faded(scene)
-    assert fresh.all()
+    if densified:
+        halves, origin, fresh = densify(scene, torch.ones(5), 10, most=1.0)
+        scene = faded(scene)
+        assert fresh.all()
+    else:
+        wanted = torch.tensor([0.0, *[float(scene.scales.max()) / 3] * 4])  # 0: no camera sees it
+        halves, origin = divided(scene, wanted, torch.ones(5), 100)
+        assert (halves.scales.amax(1) <= 1.15 * wanted[1])[origin > 0].all()
+        assert len(halves) > 20 > (origin == 0).sum() == 1
 
     def moments(part):
         axes = rotation_matrices(part.quats) * part.scales[:, None]

@@ -38,8 +38,6 @@ LONG, MOST_LONG = 1.15, 8.0
 is no more urgent."""
 MOST_HALVINGS = 8
 """Times that a Gaussian is halved: a flat one is then a fifth as long on both axes."""
-MOST_AT_ONCE = 0.6
-"""Share of the Gaussians that are halved in a round: the most urgent come first."""
 NEAR_SHARE = 0.5
 """Share of the depth at which a camera's picture begins, nearer than which a Gaussian is a floater:
 photos are taken from where nothing stands between the camera and the scene."""
@@ -159,15 +157,15 @@ def divided(
     scene: Gaussians, longest: Float[Tensor, " n"], worth: Float[Tensor, " n"], most: int
 ) -> tuple[Gaussians, Int[Tensor, " m"]]:
     """Divide Gaussians until no axis is much longer than `longest` (standard deviation, world
-    units), or there are `most`; those of the greatest `worth` and length first, none without worth.
+    units; 0: none), or there are `most`; those of the greatest `worth` and length first.
 
     Returns the scene, whose pictures change little, and the row before of each Gaussian.
     """
     origin = torch.arange(len(scene))
     for _ in range(MOST_HALVINGS):
-        ratio = scene.scales.amax(-1) / longest.clamp_min(1e-12)
+        ratio = torch.where(longest > 0, scene.scales.amax(-1) / longest, 0.0)
         urgent = torch.where(ratio > LONG, worth * (ratio.clamp_max(MOST_LONG) - 1), 0.0)
-        count = min(most - len(scene), int((urgent > 0).sum()), int(MOST_AT_ONCE * len(scene)))
+        count = min(most - len(scene), int((urgent > 0).sum()))
         if count <= 0:
             break
         picked = urgent.topk(count).indices

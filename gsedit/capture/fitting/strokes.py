@@ -1,6 +1,6 @@
 """Strokes of drawn views, which no two views place alike, kept in a scene.
 
-The mean of such views is mud. So every Gaussian follows the view that sees its place best, and
+The mean of such views is mud. So every Gaussian follows one view, few in all, and
 colors then descend the loss of Efficient-NeRF2NeRF from where they are: MSE + lambda Gram. `n`
 Gaussians; `v` pictures of `h w` pixels.
 """
@@ -46,7 +46,7 @@ LAST_RATE = 0.1
 
 
 def leading_views(weights: Float[Tensor, "v n"], means: Float[Tensor, "n 3"]) -> Int[Tensor, " n"]:
-    """The view that each Gaussian follows; `weights`: what each view sees of it.
+    """The view that each Gaussian follows, -1 for none; `weights`: what each view sees of it.
 
     Few views lead: the next is always that which sees most of what none leads yet, wherever it sees
     at least the share GOOD of what the best view does.
@@ -55,7 +55,7 @@ def leading_views(weights: Float[Tensor, "v n"], means: Float[Tensor, "n 3"]) ->
     near = torch.from_numpy(k_nearest(points, points, min(NEAR, len(points)))[1])
     for _ in range(ROUNDS):
         weights = torch.stack([each[near].mean(1) for each in weights])
-    best, leading = weights.amax(0), torch.zeros(len(means), dtype=torch.long)
+    best, leading = weights.amax(0), torch.full((len(means),), -1)
     able, free, chosen = weights >= GOOD * best, best > 0, list[int]()
     while len(chosen) < len(weights) and best[free].sum() > (1 - LED) * best.sum():
         chosen.append(int((weights * (able & free)).sum(1).argmax()))

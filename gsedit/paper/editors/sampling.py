@@ -16,7 +16,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from gsedit.errors import UsageError
-from gsedit.paper.consistency.consensus import share_noise
+from gsedit.paper.consistency.consensus import consensus, share_noise
 from gsedit.paper.diffusion.guidance import (
     Around,
     Branches,
@@ -272,10 +272,11 @@ def _hooks(batch: EditBatch, settings: SamplerSettings) -> tuple[Hook | None, Ho
     """(consensus, noise sharing) of a padded batch."""
     if batch.correspondences is None:
         return None, lambda noise: noise
-    agree = partial(batch.agreed, strength=settings.consensus_weight)
+    labels, common = batch.correspondences.labels, torch.Generator().manual_seed(batch.seed)
+    own: dict[str, Any] = {"anchored": batch.anchored, "strength": settings.consensus_weight}
+    agree = partial(consensus, labels=labels, **own)
     if settings.noise == "independent":
         return agree, lambda noise: noise
-    labels, common = batch.correspondences.labels, torch.Generator().manual_seed(batch.seed)
 
     def shared(noise: Float[Tensor, "v c y x"]) -> Float[Tensor, "v c y x"]:
         # views have these draws in common, and with them all batches of an edit

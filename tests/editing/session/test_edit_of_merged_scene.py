@@ -9,7 +9,7 @@ import torch
 from divide import divide
 
 from gsedit import edit
-from gsedit.editing import large
+from gsedit.editing import grain
 from gsedit.measures.formulas import psnr
 from gsedit.paper.strategies.single_pass import SinglePass
 from gsedit.scene.merging import coarsen
@@ -24,7 +24,7 @@ def test_an_edit_by_groups_is_that_of_all_gaussians(monkeypatch, loss, decibels)
     data = tiny_edits.data()
     results = []
     for most in (len(scene), 1500):
-        monkeypatch.setattr(large, "coarsen", partial(coarsen, most=most))
+        monkeypatch.setattr(grain, "coarsen", partial(coarsen, most=most))
         result = edit(
             scene,
             tiny_edits.PROMPT,

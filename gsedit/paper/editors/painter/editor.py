@@ -90,15 +90,12 @@ class Painter:
     def edit(
         self, batch: EditBatch, settings: SamplerSettings, generator: torch.Generator
     ) -> Iterator[EditProgress]:
-        """Paint the originals; anchored views stay as they are. Raises UsageError as `check`."""
+        """Paint the originals; none is anchored to another. Raises UsageError as `check`."""
         originals = batch.originals
         change = painted(self.network, originals, self._style(batch.prompt)) - originals
         if self.keep_colors:
             change = (change @ change.new_tensor(LUMINANCE))[..., None]
-        images = (originals + self.strength * change).clamp(0, 1)
-        if batch.anchored is not None:
-            images = torch.where(batch.anchored[:, None, None, None], batch.images, images)
-        yield EditProgress(1, 1, images)
+        yield EditProgress(1, 1, (originals + self.strength * change).clamp(0, 1))
 
     def _style(self, prompt: str) -> tuple[Affine, ...]:
         """The affine maps that a sentence asks for. Raises UsageError."""
