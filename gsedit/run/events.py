@@ -17,8 +17,8 @@ class Event:
     """Something that happened in a long piece of work: one line of metrics.jsonl."""
 
     stage: str
-    """Stage of the work: advice, survey, region, dataset, correspond, sample, update and measure in
-    an edit; fit; render; a benchmark has names of its own."""
+    """Stage of the work: survey, skip, estimate, region, correspond, sample, update, strokes and
+    measure in an edit; fit; render; a benchmark has names of its own."""
     seconds: float
     """Wall clock since the work began."""
     step: int = 0

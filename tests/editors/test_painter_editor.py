@@ -1,4 +1,4 @@
-"""The painter as an editor: shared statistics, agreement, strength, colors, pictures as styles."""
+"""The painter as an editor: strength, colors, pictures as styles, strokes."""
 
 import pytest
 import tiny_edits
