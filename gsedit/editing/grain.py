@@ -121,7 +121,7 @@ def _carried(
     elif len(after) > len(before):
         told = f"{len(before):,} Gaussians are {len(after):,} now: strokes are finer than some were"
         notes = (*notes, told)
-    evidence = of_the_whole(drawing.evidence, before, after)
+    evidence = of_the_whole(drawing.evidence, before, after if merged else None)
     few = [request.held_out[i] for i in evenly_spaced(len(request.held_out), MEASURED_VIEWS)]
     originals = (*evidence.originals, *pictures_at(before, few))
     finals = (*evidence.finals, *pictures_at(after, few))

@@ -189,18 +189,16 @@ def understood(steps: Sequence[Instruction]) -> Instruction | None:
     return steps[0] if len(steps) == 1 else Instruction(words, True, words, changes)
 
 
-def of_the_whole(evidence: Evidence, before: Gaussians, after: Gaussians) -> Evidence:
-    """The evidence of a drawing, its renders those of the scene before and after all changes."""
-    held_out = evidence.held_out
+def of_the_whole(evidence: Evidence, before: Gaussians, after: Gaussians | None) -> Evidence:
+    """The evidence of a drawing, its renders those of the scene before and after all changes; None:
+    those after are right as they are."""
+    held_out, drawn = evidence.held_out, (evidence.finals, evidence.held_out.finals)
+    finals, held = drawn if after is None else (pictures_at(after, each) for each in drawn)
     return replace(
         evidence,
         originals=pictures_at(before, evidence.originals),
-        finals=pictures_at(after, evidence.finals),
-        held_out=replace(
-            held_out,
-            originals=pictures_at(before, held_out.originals),
-            finals=pictures_at(after, held_out.finals),
-        ),
+        finals=finals,
+        held_out=replace(held_out, originals=pictures_at(before, held_out.originals), finals=held),
     )
 
 

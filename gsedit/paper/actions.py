@@ -154,9 +154,7 @@ class Solve:
             how: dict[str, Any] = {}
             if request.keeps_strokes:
                 how["shares"] = _leading_shares(session, start, targets)
-                how["band_penalty"] = (
-                    inf  # a stroke lies on the surface: it looks the same from all sides
-                )
+                how["band_penalty"] = inf  # a stroke looks the same from all sides
             else:
                 how["penalty"] = trusting_penalty(start, views, inside)
             solved = list(solve_colors(start, views, inside, **how))
@@ -180,7 +178,7 @@ def _take(session: Session, scene: Gaussians, steps: int) -> None:
 def _leading_shares(
     session: Session, scene: Gaussians, targets: Mapping[int, View]
 ) -> list[Float[Tensor, "h w"]]:
-    """Weights of the targets' pixels, by the view that sees the place of a Gaussian best."""
+    """Weights of the targets' pixels, by the view that leads where a Gaussian is."""
     weights = session.weights[list(targets)] * session.region.inside
     leading = leading_views(weights, scene.means)
     cameras = [view.camera for view in targets.values()]

@@ -22,6 +22,7 @@ from gsedit.views.viewpoints import viewpoints_of
 from gsedit.words.lexicon import LIKE, styles
 from gsedit.words.read import read_instruction
 
+BROAD = EditSettings(brush=6.0)  # views of 64 pixels
 PARTS = ("the whole scene", "the subject", "the background", "the red one", "all but the red chair")
 
 
@@ -36,9 +37,8 @@ def half():
 def named(half, tmp_path):
     """The blob is one half, the zog the other."""
     scene, inside = half
-    halves, file = {"blob": inside, "zog": ~inside}, tmp_path / "scene.ply"
-    means = scene.means.numpy()
-    return Names({k: save_named(v.numpy(), means, file, k) for k, v in halves.items()})
+    half_of, at = {"blob": inside, "zog": ~inside}, (scene.means.numpy(), tmp_path / "scene.ply")
+    return Names({name: save_named(v.numpy(), *at, name) for name, v in half_of.items()})
 
 
 @pytest.mark.parametrize(
@@ -52,7 +52,7 @@ def named(half, tmp_path):
 )
 def test_a_style_changes_its_part_alone(half, named, sentence, inner, outer):
     scene, inside = half
-    result = gsedit.edit(scene, sentence, tiny_edits.data(), names=named)
+    result = gsedit.edit(scene, sentence, tiny_edits.data(), names=named, settings=BROAD)
     inside = inside[result.origin]
     moved = (result.scene.sh - scene.sh[result.origin]).abs().amax((1, 2)) > 1e-4
     assert (bool(moved[inside].any()), bool(moved[~inside].any())) == (inner, outer)
@@ -62,7 +62,7 @@ def test_a_style_changes_its_part_alone(half, named, sentence, inner, outer):
 
 def test_exact_changes_and_styles_go_together(half, named):
     words = "make the blob bronze and the zog a woodcut"
-    result = gsedit.edit(half[0], words, tiny_edits.data(), names=named)
+    result = gsedit.edit(half[0], words, tiny_edits.data(), names=named, settings=BROAD)
     assert [change.route for change in result.understood.changes] == ["material", "style"]
     before, after = result.originals[0].image, result.finals[0].image
     assert ((before - after).abs().amax(-1) > 1 / 255)[before.amax(-1) > 0.1].float().mean() > 0.9
@@ -77,7 +77,7 @@ def test_exact_changes_and_styles_go_together(half, named):
 def test_a_region_is_what_is_painted(half, tmp_path):
     scene, inside = half
     gsedit.select.region.save_region(gsedit.select.region.Region(inside), tmp_path / "half.npy")
-    settings = EditSettings(region=str(tmp_path / "half.npy"))
+    settings = EditSettings(brush=6.0, region=str(tmp_path / "half.npy"))
     result = gsedit.edit(scene, "as a woodcut", tiny_edits.data(), settings=settings)
     for each in ("sh", "means", "log_scales"):
         outside = getattr(result.scene, each)[~inside[result.origin]]
@@ -87,7 +87,7 @@ def test_a_region_is_what_is_painted(half, tmp_path):
 
 
 def test_a_checkpoint_of_a_painting_is_a_scene(half):
-    settings = EditSettings(checkpoint_seconds=0.0, batches=1, held_out_edits=0)
+    settings = EditSettings(brush=6.0, checkpoint_seconds=0.0, batches=1)
     items = gsedit.edit_steps(half[0], "as a woodcut", tiny_edits.data(), settings=settings)
     kept = next(each for each in items if isinstance(each, gsedit.Checkpoint))
     held = optimized_scene(kept.state.within("optimizer"), half[0])
