@@ -166,7 +166,8 @@ def explain_sentence(sentence: str) -> None:
     if not sentence.strip():
         raise UsageError("the sentence is empty: say what should change, as in 'make it snow'")
     read = read_instruction(sentence)
-    text = "\n".join(map(str, read.changes)) if read.known else f"refused: {read.why}"
+    left = (f"not read: {each!r}" for each in read.unread)
+    text = "\n".join((*map(str, read.changes), *left)) if read.known else f"refused: {read.why}"
     print_result(json.loads(read.as_json()), text)
 
 

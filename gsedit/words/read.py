@@ -42,13 +42,13 @@ def read_instruction(
         if kind := first_refusal(sentence):
             raise Refused(kind)
         names = called(sentence, saved)
-        changes, sure = heard(names.text, names.files)
+        changes, sure, left = heard(names.text, names.files)
     except Refused as refused:
         return Instruction(sentence, False, reason(refused), (), refused.args[0])
     changes = tuple(map(names.restored, changes))
     why = "; ".join(map(str, changes))
     if sure or accept_unread:
-        return Instruction(sentence, True, why, changes)
+        return Instruction(sentence, True, why, changes, unread=left)
     why = Said(f"read: {why}; this is not sure. Run it so?", "unread")
     return Instruction(sentence, False, why, (), "unread", (sentence,))
 

@@ -320,3 +320,24 @@ def test_what_is_denied_is_not_done(frame):
 )  # fmt: skip
 def test_a_turn_of_phrase_is_never_read_for_what_its_words_name(sentence):
     assert not read_instruction(sentence).changes
+
+
+@pytest.mark.parametrize(
+    ("sentence", "told"),
+    [
+        ("make teh statue glod adn smaler", "the statue made of gold; the statue 23 % smaller"),
+        ("oil paitning style", "the whole scene in the style of autumn oil"),
+        ("paint the urn red", "the urn painted red (#e50000)"),
+        ("spin the vase 45 degrees counter clockwise",
+         "the vase turned by 45 degrees counterclockwise"),
+        ("don't make it brighter, I want it darker", "the whole scene 20 % darker"),
+        ("statue in chrome like the T-1000", "the statue made of chrome"),
+        ("soften the picture a little, it's too sharp", "the whole scene 15 % softer"),
+        ("make the bear brighter and warmer", "the bear 20 % brighter; the bear 25 % warmer"),
+        ("turn the vase red because it looks dull", "the vase painted red (#e50000)"),
+        ("sword gold handle leather", "the sword made of gold (not read: 'handle leather')"),
+        ("not red, no wait, blue for the vase", "the vase painted blue (#0343df)"),
+    ],
+)  # fmt: skip
+def test_slips_ways_and_pairs_are_read_and_what_is_lost_is_told(sentence, told):
+    assert str(read_instruction(sentence)) == told

@@ -39,6 +39,8 @@ AROUND = re.compile(
     re.IGNORECASE,
 )
 """Words of a turn by half a circle."""
+CLOCKWISE = re.compile(r"\b(counter|anti|contra)?[ -]?clock ?wise\b", re.IGNORECASE)
+"""The way of a turn, and what turns it around."""
 WHERE: dict[str, Side] = {
     "left": "left", "right": "right", "up": "up", "down": "down", "front": "forward",
     "back": "back", "beside": "beside", "on": "on", "behind": "behind", "in front of": "front",
@@ -120,7 +122,8 @@ def _turn(asked: Asked, text: str, phrase: str) -> tuple[float, None]:
         degrees = 180.0 if not asked.sign or AROUND.search(text) else 90.0
     if not degrees % 360:
         raise Refused("nonsense")
-    sign = -1 if asked.sign < 0 else 1
+    ways = {not each for each in CLOCKWISE.findall(text)}
+    sign = -1 if ways == {True} or (ways != {False} and asked.sign < 0) else 1
     return round(sign * (degrees % 360) / 360, 6), None
 
 

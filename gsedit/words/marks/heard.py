@@ -10,11 +10,12 @@ import re
 from collections.abc import Sequence
 from functools import lru_cache
 
+from gsedit.words.amounts import DEFAULT
 from gsedit.words.instruction import Change
-from gsedit.words.marks.marked import Asked, Marked, pieces, told
+from gsedit.words.marks.marked import Asked, Marked, pieces, spelled, told
 from gsedit.words.marks.meaning import changes_of
 from gsedit.words.refusals import Refused
-from gsedit.words.scan import scanned
+from gsedit.words.scan import Word, scanned
 
 STAYS = re.compile(
     r"\b(?:keep|keeping|kept|leave|leaving|preserve|spare|sparing|protect|except|excluding|exclude|"
@@ -49,7 +50,8 @@ TOLD_OF = re.compile(
 )
 """A sentence that only tells of a request."""
 INSTEAD = re.compile(
-    r"\b(?:but|instead|rather)\b|[,;.:!?]\s*(?:and )?(?:just|only|make|paint|turn|it should|the)\b",
+    r"\b(?:but|instead|rather)\b|(?<!n't )(?<!not )\bjust\b|[,;.:!?]\s*(?:and )?(?:only|make|paint|"
+    r"turn|it should|the|i(?:'d)? (?:want|need|like|prefer|would))\b",
     re.IGNORECASE,
 )
 """Words after which what is asked follows what is denied."""
@@ -57,10 +59,24 @@ TOO = r"\btoo\b(?:\W+\w+){0,5}?\W+"
 """Words before a quality that there is too much of."""
 TURNED = re.compile(
     r"\b(?:too|to(?= \w+$)|so|not|no|less|never|without|is|are|was|looks?|seems?|feels?|such|but|"
-    r"than|how|why|away|mean|rather|instead|half|reduce|lower|decrease|down|low|enough|fix|cure)\b|n't\b|'s\b",
+    r"than|how|why|away|mean|rather|instead|half|reduce|lower|decrease|down|low|enough|fix|cure|kill|cut|lose|keep|stays?)\b|n't\b|'s\b",
     re.IGNORECASE,
 )
 """Words beside which a quality may be what there is too much of."""
+WHY = re.compile(r",? (?:because|cos|coz|cause) (?!of\b)[^,.;:!?]*$", re.IGNORECASE)
+"""A reason at the end of a sentence."""
+CLAUSE = re.compile(r"[^|,;.:!?\n]+")
+TAKEN_BACK = re.compile(r"\b(?:no|wait|sorry|actually|hang on|i mean|rather)\b", re.IGNORECASE)
+"""Words that take back what is before them."""
+TELLS = re.compile(
+    r"\b(?:no|not|from|instead|rather|than|never|too|stays?|keep|leave|left|leaving|remains?|original|"
+    r"current|already|said|says|reads?|looks?|feels?|has|had|have|is|was|are|were|be|as|like|that|"
+    r"enough|if|when|would|dont|ones?|things?)\b|'(?:s|m|ve|t)\b",
+    re.IGNORECASE,
+)
+"""Words of a clause that only tells what there is."""
+QUALITIES = ("color", "material", "light", "look", "style", "growth", "finish")
+"""Kinds of words that say what something becomes."""
 REFUSED = 0.6
 """Least probability that nothing can be done."""
 UNSURE = 0.7
@@ -136,9 +152,34 @@ def turned(asked: Asked, text: str) -> bool:
     return same and bool(states) and re.search(TOO + rf"(?:{states})\b", text.lower()) is not None
 
 
-def heard(text: str, files: Sequence[str] = ()) -> tuple[tuple[Change, ...], bool]:
+def unread(said: Marked, changes: Sequence[Change]) -> tuple[str, ...]:
+    """Words of a text that say a quality, or that something goes, and are in no change; those that
+    only tell what there is, or that are taken back, are left out."""
+    text, end = said.text, max((m.end() for m in TAKEN_BACK.finditer(said.text)), default=0)
+    for first, last in said.marks:
+        text = f"{text[:first]}{'|' * (last - first)}{text[last:]}"
+    deeds, made = {each.deed for each in said.asked}, "; ".join(map(str, changes))
+    return tuple(
+        found[0].strip()
+        for found in CLAUSE.finditer(text)
+        if found.end() > end and not TELLS.search(found[0])
+        and any(_lost(word, deeds, made) for word in scanned(found[0]))
+    )  # fmt: skip
+
+
+def _lost(word: Word, deeds: set[str], made: str) -> bool:
+    """Whether a word says a quality, or that something goes, that is in no change."""
+    if word.kind in ("state", "turn"):
+        return "tone" not in deeds and word.value.split()[0] in DEFAULT
+    if word.kind == "drop":
+        return deeds.isdisjoint(("remove", "tone"))
+    return word.kind in QUALITIES and word.value not in made and word.text not in f"{made} scales"
+
+
+def heard(text: str, files: Sequence[str] = ()) -> tuple[tuple[Change, ...], bool, tuple[str, ...]]:
     """(changes that the network marks in a text, in which a noun stands for each of `files`;
-    whether they are sure). Raises Refused."""
+    whether they are sure; words that are in none). Raises Refused."""
+    text = WHY.sub(lambda told: told[0] if STAYS.search(told[0]) else "", spelled(text))
     said = marked(text)
     if denied(said):
         raise Refused("negation")
@@ -148,4 +189,4 @@ def heard(text: str, files: Sequence[str] = ()) -> tuple[tuple[Change, ...], boo
     changes = tuple(changes_of(said, files))
     if not said.kept and (stopped := stays_unheard(text, changes)):
         raise Refused("kept", stopped)
-    return changes, not unsure(said, files)
+    return changes, not unsure(said, files), unread(said, changes)

@@ -9,7 +9,9 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
+from gsedit.words import colors, lexicon
 from gsedit.words.called import FILE_NOUN
+from gsedit.words.scan import DETERMINERS
 
 VOCABULARY = Path(__file__).with_name("vocabulary.txt")
 """Pieces of words, one a line, in the order of the network's embeddings."""
@@ -51,6 +53,33 @@ def plain(word: str) -> str:
     """A word in lower case without accents."""
     apart = unicodedata.normalize("NFD", word.replace("\u2019", "'").lower())
     return "".join(each for each in apart if unicodedata.category(each) != "Mn")
+
+
+@lru_cache(1)
+def known() -> frozenset[str]:
+    """Words of the lexicon and of colors, and determiners."""
+    phrases = (*lexicon.entries(), *colors.colors(), *DETERMINERS)
+    return frozenset(word for phrase in phrases for word in phrase.split())
+
+
+def spelled(text: str) -> str:
+    """A text without slips in words that neither the lexicon nor the network knows: two letters
+    swapped after the first one, a letter doubled or not, a vowel left out of a long word."""
+    return WORD.sub(lambda found: _spelled(found[0]), text)
+
+
+def _spelled(word: str) -> str:
+    numbers, low = vocabulary(), plain(word)
+    if len(low) < 3 or low in numbers or low in known() or not low.isalpha():
+        return word
+    cut = [(low[:at], low[at:]) for at in range(1, len(low) + 1)]
+    near = [a + b[1] + b[0] + b[2:] for a, b in cut if len(b) > 1]
+    if len(low) > 3:
+        near += [a + b[1:] for a, b in cut if b and a[-1] == b[0]] + [a + a[-1] + b for a, b in cut]
+    if len(low) > 5:
+        near += [a + vowel + b for a, b in cut if len(b) > 2 for vowel in "aeiou"]
+    right = {each for each in near if each in known()}
+    return min(right, key=lambda each: numbers.get(each, len(numbers)), default=word)
 
 
 def pieces(text: str) -> Pieces:
@@ -211,12 +240,15 @@ class Marked:
     """Probability of a change after the last one, which is not told."""
     kept_more: float
     """Largest probability that a word begins what stays, of those that are not told to."""
+    marks: tuple[tuple[int, int], ...] = ()
+    """First letter and end in the text of all that is marked."""
 
 
 def phrase(text: str) -> str:
     """A phrase as it names a thing: small letters, no marks, with an article."""
     plain = re.sub(r"[^\w\s'#/-]", " ", text.lower().replace("\u2019", "'"))
     plain = ARTICLES.sub("", re.sub(r"\s+", " ", plain).strip(" '-/"))
+    plain = re.sub(r"^(it|them|him) (?!all\b|and\b).*", r"\1", plain)
     return plain if OWNED.match(plain) or PRONOUN.match(plain) else f"the {plain}"
 
 
@@ -239,11 +271,11 @@ def told(cut: Pieces, scores: Mapping, values: tuple[str, ...]) -> Marked:
     letters = tuple((cut.words[a][0], cut.words[b][1]) for a, b in spans)
     refused = float(chances["refused"][1])
     asked, more = _counted(cut.text, asked, letters, more)
-    return Marked(cut.text, tuple(asked), phrases, refused, more, unsure)
+    return Marked(cut.text, tuple(asked), phrases, refused, more, unsure, letters)
 
 
 NUMBER = re.compile(
-    r"(?<![\w#.,])(?:\d+(?:[.,/]\d+)?"
+    r"(?<![\w#.,])(?<!\w-)(?:\d+(?:[.,/]\d+)?"
     r"(?: ?(?:%|percent|x|times|degrees?|\u00b0|stops?|cm|mm|m|ft)(?!\w))?|"
     r"twice|half|double|triple|thrice|(?:an? |one |two |three )?(?:quarter|third)s?(?= |$))(?!\w)",
     re.IGNORECASE,
@@ -261,7 +293,10 @@ def _counted(
     for found in NUMBER.finditer(text):
         if any(a < found.end() and found.start() < b for a, b in marked):
             continue
-        free = [i for i, each in enumerate(asked) if each.deed in MEASURED and not each.amount]
+        measured = [i for i, each in enumerate(asked) if each.deed in MEASURED]
+        free = [i for i in measured if not asked[i].amount]
+        if found[0].isdigit() and not measured:
+            continue
         if len(free) != 1:
             return asked, 1.0
         after = text[found.end() :].split()[:1]
@@ -278,6 +313,8 @@ def _asked(cut: Pieces, row: Mapping, values: tuple[str, ...]) -> tuple[Asked, l
     sure = {name: float(each.values) for name, each in best.items()}
     near = tuple(values[at] for at in row["value"].topk(NEAREST).indices.tolist())
     found = {name: _span(cut, *row["ends"][2 * k : 2 * k + 2]) for k, name in enumerate(SPANS)}
+    if (thing := found["of"]) and (many := found["amount"]) and thing[0] < many[0] <= thing[1]:
+        found["of"] = (thing[0], many[0] - 1)
     said = {name: cut.said(*each) if each else "" for name, each in found.items()}
     named = phrase(said["of"]) if said["of"] else ""
     for kind, groups in (("deed", ALIKE), ("part", (parts_alike(of["part"], named),))):

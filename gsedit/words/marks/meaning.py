@@ -18,6 +18,12 @@ from gsedit.words.phrases import IT
 from gsedit.words.refusals import Refused
 from gsedit.words.scan import scanned
 
+PAIRED = re.compile(
+    r"\b(?:more \w+|less \w+|\w+er)(?:,? and|,| &) (?:(?:a|bit|little|slightly|much|way|also) )*"
+    r"(?:more \w+|less \w+|\w+er)(?=$|[,;.!?]| please| (?:and|but) )",
+    re.IGNORECASE,
+)
+"""Two tones of one thing: "make the bear brighter and warmer"."""
 SCALES = {"": 1.0, "little": SLIGHT, "much": STRONG}
 """Shares of a tone's usual amount."""
 PAINTED = re.compile(r"\b(?:paint|painted|dye|dyed|colou?r|coat of)\b", re.IGNORECASE)
@@ -39,7 +45,10 @@ LIT = re.compile(r"\b(?:only|just|alone|solely)\b", re.IGNORECASE)
 def changes_of(said: Marked, files: Sequence[str] = ()) -> list[Change]:
     """Changes of what is marked in a sentence. Raises Refused for what nothing does."""
     found, last, left = list[Change](), "", list(files)
-    for asked in said.asked:
+    paired = PAIRED.search(said.text) is not None
+    for before, asked in zip((None, *said.asked), said.asked):
+        if paired and before and asked.part == "scene" and asked.deed == before.deed == "tone":
+            asked = replace(asked, part=before.part, of=before.of)
         put = asked.of_file and asked.deed in ("move", "copy")
         if left and (put or asked.deed == "insert"):
             change = inserted(left.pop(0), asked)
@@ -62,14 +71,16 @@ def changes_of(said: Marked, files: Sequence[str] = ()) -> list[Change]:
 
 
 def _once(changes: Sequence[Change]) -> list[Change]:
-    """Changes without those that are said twice, actions apart; the one with a color stays."""
+    """Changes without those that are said twice, actions apart; the one with a color stays, or with
+    an amount that is not the usual one."""
     found = dict[object, Change]()
     for at, change in enumerate(changes):
-        amount = change.amount if change.kind == "tone" else None
-        named = (change.kind, change.name, change.target, change.phrase, amount)
+        more = change.kind == "tone" and (change.amount or 0) > 0
+        named = (change.kind, change.name, change.target, change.phrase, more)
         key = at if change.kind == "object" else named
         kept = found.get(key)
-        found[key] = kept if kept and (kept.color or not change.color) else change
+        usual = kept is not None and abs(kept.amount or 0) == DEFAULT.get(kept.name)
+        found[key] = kept if kept and (kept.color or not change.color) and not usual else change
     return list(found.values())
 
 
