@@ -6,8 +6,6 @@ from __future__ import annotations
 import re
 import unicodedata
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
-from functools import lru_cache
 
 from gsedit.words import colors, lexicon
 
@@ -62,9 +60,6 @@ def tokens(sentence: str) -> list[str]:
     return ["and" if each in "&/" else f"#{each}" if HEX.match(each) else each for each in found]
 
 
-SPELLED = ("noun", "state", "turn", "material", "look", "style", "background", "finish")
-"""Kinds whose words are recognized with a slip of spelling."""
-
 DETERMINERS = frozenset(("the", "my", "this", "that", "our", "your", "his", "her", "their"))
 MANNERS = frozenset(
     ("style", "styles", "look", "way", "manner", "version", "effect", "painting", "painter",
@@ -73,8 +68,6 @@ MANNERS = frozenset(
 """Words after a painting style that is no thing: "in the woodcut style", "add a comic look"."""
 LIKENS = ("as", "into", "like", "style of")
 """Ends of words after which a thing is what a picture is to look like."""
-ALIKE, NEARLY = 0.82, 0.9
-"""Least likeness of a word with a slip of spelling, and of one of five letters: "warmr"."""
 
 
 @dataclass(frozen=True)
@@ -143,7 +136,7 @@ def _next(words: list[str]) -> tuple[Word, int]:
     if hue and hue[0] > used - plain:
         return _colored(" ".join(words[: hue[0]]), hue[1]), hue[0]
     if entry is None:
-        return _single(first), 1
+        return Word(first, "unknown", first), 1
     number = float(entry.value) if entry.kind in ("number", "factor", "fraction") else 0.0
     color = hue[1] if hue and hue[0] == used else None
     return Word(text, entry.kind, entry.value, _tags(text), color, number), used
@@ -196,26 +189,3 @@ def _number(token: str) -> float | None:
         return float(above) / float(below or 1)
     except (ValueError, ZeroDivisionError):
         return None
-
-
-def _single(word: str) -> Word:
-    """A word of no phrase: a slip of spelling, or an unknown one."""
-    if len(word) >= 5:  # fewer letters are too near to other words
-        known = [
-            each for each in _spellings()
-            # an "impression" is not "impressionist"
-            if each[0] == word[0] and word != f"{each}s" and len(each) <= len(word) + 2
-        ]  # fmt: skip
-        cutoff = ALIKE if len(word) > 5 else NEARLY
-        if near := get_close_matches(word, known, n=1, cutoff=cutoff):
-            return _next(near[:1])[0]
-    return Word(word, "unknown", word)
-
-
-@lru_cache(1)
-def _spellings() -> list[str]:
-    table = lexicon.entries().items()
-    words = [phrase for phrase, entry in table if entry.kind in SPELLED and " " not in phrase]
-    return sorted(
-        {*words, *(each for each in colors.colors() if " " not in each and len(each) > 4)}
-    )
