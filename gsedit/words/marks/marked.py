@@ -313,7 +313,8 @@ def _asked(cut: Pieces, row: Mapping, values: tuple[str, ...]) -> tuple[Asked, l
     sure = {name: float(each.values) for name, each in best.items()}
     near = tuple(values[at] for at in row["value"].topk(NEAREST).indices.tolist())
     found = {name: _span(cut, *row["ends"][2 * k : 2 * k + 2]) for k, name in enumerate(SPANS)}
-    if (thing := found["of"]) and (many := found["amount"]) and thing[0] < many[0] <= thing[1]:
+    thing, many = found["of"], found["amount"]
+    if thing and many and thing[0] < many[0] <= thing[1] and cut.said(*many)[0].isdigit():
         found["of"] = (thing[0], many[0] - 1)
     said = {name: cut.said(*each) if each else "" for name, each in found.items()}
     named = phrase(said["of"]) if said["of"] else ""
