@@ -47,6 +47,25 @@ def test_sentences_are_read_and_none_is_done_the_opposite_way(name, count, least
     assert counts.total() == count
 
 
+def test_a_slip_in_a_small_word_is_no_part_of_a_name():
+    slipped, spelled = (
+        read_instruction(f"paint {the} bear red {joined} remove {the} vase")
+        for the, joined in (("teh", "adn"), ("the", "and"))
+    )
+    assert slipped.changes == spelled.changes
+    assert [each.phrase for each in slipped.changes] == ["the bear", "the vase"]
+
+
+@pytest.mark.parametrize(
+    ("said", "name"),
+    [("matte", "matte"), ("matt", "matte"), ("shiny", "glossy"), ("polished", "polished"),
+     ("satin", "fabric"), ("matte black", "matte black")],
+)  # fmt: skip
+def test_a_finish_alone_is_no_material(said, name):
+    finish = " finish" * (name in ("matte", "glossy", "polished"))
+    assert only(f"make the bear {said}").name == name + finish
+
+
 def test_any_words_are_read_or_refused():
     odd = ("red", "#ff0000", "12", "%", ",", ".", "not", "0", "blorf", "'s", "-3", ":")
     words = [*entries(), *odd]
