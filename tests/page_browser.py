@@ -158,8 +158,9 @@ class Window:
             )  # fmt: skip
 
     def key(self, key: str, modifiers: int = 0) -> None:
-        """Press a key of a letter."""
-        names = {"key": key, "code": f"Key{key.upper()}", "windowsVirtualKeyCode": ord(key.upper())}
+        """Press a key of a letter, or Escape."""
+        code = 27 if key == "Escape" else ord(key.upper())
+        names = {"key": key, "code": f"Key{key.upper()}", "windowsVirtualKeyCode": code}
         for kind in ("keyDown", "keyUp"):
             self.call("Input.dispatchKeyEvent", type=kind, modifiers=modifiers, **names)
 

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from html import escape
 
-from gsedit.app.reading import Knob, Reading, turned
+from gsedit.app.reading import Knob, Reading, read, turned
 from gsedit.app.tab import button
 from gsedit.change.materials.kinds import MATERIALS
 from gsedit.words.instruction import Change, Instruction, sentence_of
@@ -35,18 +35,21 @@ def chips_of(
         whole = _part(_of(change, now), selected=selected)
         parts = {t: _part(_of(change, t), selected=selected) for t in _parts(reading, i, read)}
         line = [_select(f"target {i}", "what changes", parts, now) if parts else escape(whole)]
-        line.append(_what(reading, i, whole))
+        line.append(_what(reading, i, whole, any((i, "color") == (k.index, k.kind) for k in knobs)))
         line += [_knob(n, knob) for n, knob in enumerate(knobs) if knob.index == i]
         lines.append(f'<div class="line">{" ".join(line)}</div>')
     return "".join(lines)
 
 
-def offers(reading: Reading, read: Reader) -> str:
-    """HTML of buttons for what the refusal of a sentence offers, so far as that is read."""
+def offers(reading: Reading, names: Iterable[str]) -> str:
+    """HTML of buttons for what the refusal of a sentence offers, so far as that can be done."""
     why, text = reading.refusal, reading.text
-    found = {re.sub(re.escape(why.of or text), each, text, flags=re.I): each for each in why.offers}
-    known = [each for each in found if each != text and read(each).known]
-    shown = "".join(button(f"say {each}", escape(found[each])) for each in known)
+    of = re.compile(re.escape(why.of or text), re.IGNORECASE)
+    said = [(of.sub(each, text), each) for each in why.offers]
+    styled = [(SAYS["look"].format(name=each), each) for each in why.offers if each in styles()]
+    known = [each for each in said if each[0] != text and not read(each[0], names).refusal]
+    found = dict(known or styled)
+    shown = "".join(button(f"say {each}", escape(name)) for each, name in found.items())
     unread = reading.instruction.refusal == "unread"
     return f"<div>{shown}{button('accept', 'Run it so') if unread else ''}</div>"
 
@@ -98,10 +101,11 @@ def _parts(reading: Reading, index: int, read: Reader) -> list[str]:
     return found if len(found) > 1 and changes[index].target in found else []
 
 
-def _what(reading: Reading, index: int, part: str) -> str:
+def _what(reading: Reading, index: int, part: str, colored: bool) -> str:
+    """Words or a list for the change, with its color unless that is `colored` beside it."""
     change = reading.instruction.changes[index]
-    stuff = MATERIALS.get(change.name)
-    shown = _swatch(change.color or (stuff and stuff.color))
+    stuff = MATERIALS.get(change.name) if change.kind == "material" else None
+    shown = "" if colored else _swatch(change.color or (stuff and stuff.color))
     alone = len(reading.instruction.changes) == 1 or change.name.lower() in reading.text.lower()
     known: Iterable[str] = ()
     if alone and change.kind in SAYS:
@@ -109,7 +113,8 @@ def _what(reading: Reading, index: int, part: str) -> str:
     if change.name in known:
         options = {name: name for name in sorted(known)}
         return shown + _select(f"name {index}", change.kind, options, change.name)
-    return shown + f"<span>{escape(str(change).removeprefix(change.part).strip() or part)}</span>"
+    told = str(change).removeprefix(change.part).removesuffix(f" ({change.color})").strip()
+    return shown + f"<span>{escape(told or part)}</span>"
 
 
 def _knob(number: int, knob: Knob) -> str:
@@ -120,8 +125,9 @@ def _knob(number: int, knob: Knob) -> str:
             f'aria-label="{label}">'
         )
     if knob.kind == "finish":
-        value = str(knob.value) or knob.choices[-1]
-        return _select(action, knob.label, {each: each for each in knob.choices}, value)
+        unsaid = {} if knob.value else {"": knob.label}
+        options = unsaid | {each: each for each in knob.choices}
+        return _select(action, knob.label, options, str(knob.value))
     return (
         f'<label class="amount">{label} <input type="range" data-do="{action}" step="0.01" '
         f'min="{knob.low:g}" max="{knob.high:g}" value="{float(knob.value):g}"></label>'

@@ -164,7 +164,11 @@ const holds = (on) => act(`before ${on ? 1 : 0}`);
 const types = (target) => target.matches?.("input, textarea, select, [contenteditable]");
 addEventListener("click", (event) => {
   const found = event.target.closest?.("button[data-do]");
-  if (found) act(found.dataset.do);
+  if (!found) return;
+  act(found.dataset.do);
+  // a key's press goes on in the box: the button goes away
+  if (!event.detail && /^(object|say|none) ?/.test(found.dataset.do))
+    document.querySelector("[data-box]")?.focus();
 });
 addEventListener("change", (event) => {
   const { dataset, value } = event.target;
@@ -232,6 +236,8 @@ new MutationObserver(() => {
       }
     }
   }
+  for (const each of document.querySelectorAll('input[value^="ws"]:not([aria-label])'))
+    each.setAttribute("aria-label", "address of the page");
   for (const each of document.querySelectorAll("button:not([aria-label])")) {
     const icon = /list-search|adjustments/.exec(each.querySelector("svg")?.getAttribute("class"));
     if (!each.innerText.trim())

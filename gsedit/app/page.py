@@ -48,7 +48,7 @@ class Audience:
 
     def listen(self, tab: Screen, what: str, function: Callable[[], None]) -> None:
         """Call a function after each change of the "scene", the "selection", the "document", of
-        "busy" or "growing", as long as the tab is open."""
+        "busy" or "growing", and when a command or a session has "begun", while the tab is open."""
         self._functions.append((tab, what, function))
 
     def notify(self, what: str) -> None:
@@ -268,6 +268,7 @@ class Page(Audience):
     def _enter(self, folder: Path) -> None:
         """Leave the session, and take another's folder for this process alone."""
         self.worker.check_idle()
+        self.notify("begun")
         if folder == self.folder:
             return
         taken = ExitStack()
@@ -348,6 +349,7 @@ class Page(Audience):
 
         with self._lock:
             self.worker.check_idle()
+            self.notify("begun")
             if pending not in (None, self.document.pending):
                 self.document = replace(self.document, pending=pending)
                 self.save()

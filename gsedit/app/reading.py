@@ -17,8 +17,9 @@ from gsedit.words.called import FILE
 from gsedit.words.instruction import MORE, Change, Instruction, sentence_of
 from gsedit.words.read import read_instruction
 
-FINISHES = {"paint": ("glossy", "satin", "matte"), "material": ("polished", "satin", "matte")}
-"""Words for how rough paint and materials are, from smooth to rough."""
+FINISHES = {"paint": ("glossy", "satin", "matte"), "material": ("polished", "satin", "matte"),
+            "finish": ("polished", "glossy", "matte")}  # fmt: skip
+"""Words for how rough paint, materials and a finish alone are, from smooth to rough."""
 _WORDS = {word for words in FINISHES.values() for word in words}
 LEAST = 0.9
 """Largest share that is taken away: nothing at all is another request."""
@@ -81,7 +82,7 @@ def _knobs(index: int, change: Change) -> list[Knob]:
         found.append(Knob(index, "amount", label, amount, *USUAL[key]))
     if change.kind == "paint" and change.color is not None:
         found.append(Knob(index, "color", "color", change.color))
-    if words := FINISHES.get(change.kind):
+    if words := FINISHES.get("finish" if change.name.endswith(" finish") else change.kind):
         said = next((word for word in words if word in change.name.split()), "")
         found.append(Knob(index, "finish", "roughness", said, choices=words))
     return found

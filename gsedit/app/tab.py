@@ -78,11 +78,14 @@ ACTION = "action"
 """Label of the field, hidden by page.js, by which the page's own buttons tell what is asked for."""
 
 
-def button(action: str, inner: str, *, label: str = "", kind: str = "chip", style: str = "") -> str:
-    """HTML of a button for an action with its argument ("say make it snow"); `inner` is HTML, the
-    rest is text. Pictures need a `label`."""
+def button(
+    action: str, inner: str, *, label: str = "", kind: str = "chip", style: str = "",
+    off: bool = False,
+) -> str:  # fmt: skip
+    """HTML of a button for an action with its argument ("say make it snow"), which may be `off`;
+    `inner` is HTML, the rest is text. Pictures need a `label`."""
     named = f' aria-label="{escape(label)}" title="{escape(label)}"' if label else ""
-    shown = f' style="{escape(style)}"' if style else ""
+    shown = (f' style="{escape(style)}"' if style else "") + " disabled" * off
     return (
         f'<button type="button" class="{kind}" data-do="{escape(action)}"{named}{shown}>{inner}'
         "</button>"
@@ -143,6 +146,8 @@ class Tab:
         """Called after each picture: whether it is in full, as the view rests."""
         self.begin: Callable[[], None] = lambda: None
         """Called when something begins that a preview would be in the way of."""
+        self.tools: list[Callable[[], None]] = []
+        """Each puts a tool away that is in hand: a box, handles, colors of what would go."""
         self._over = self.gui.add_html("")
         self._actions: dict[str, Callable[[str], None]] = {}
         self._asked = self.gui.add_text(ACTION, "")
@@ -153,6 +158,7 @@ class Tab:
         self._latest = LatestOnlyWorker(self.fail)
         self._painter = Painter(self.camera, self.draw, self._send, self._count, self.fail)
         page.listen(self, "scene", self.new_scene)  # before what panels do then
+        page.listen(self, "begun", self.hush)
         for what in ("selection", "growing"):
             page.listen(self, what, self.refresh)
         for what in ("document", "growing", "busy"):

@@ -9,6 +9,7 @@ import subprocess
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
+from threading import Event as ThreadEvent
 from threading import RLock, Thread
 from typing import Any
 
@@ -99,18 +100,26 @@ class Worker:
             self.busy, self._cancelled = Work(title, tuple(command), Stopwatch()), False
         self.tell()
 
+        ended = ThreadEvent()
+
+        def tick() -> None:  # the seconds go on where nothing else is told
+            while not ended.wait(1.0):
+                self.tell()
+
         def work() -> None:
             try:
                 try:
                     record = self.run((*command, "--json"))
                 finally:
+                    ended.set()
                     self.busy = None
                 done(record)
             except Exception as error:
                 failed(error)
             self.tell()
 
-        Thread(target=work, daemon=True, name="work").start()
+        for each in (work, tick):
+            Thread(target=each, daemon=True, name=each.__name__).start()
 
     def run(self, arguments: Sequence[str]) -> dict[str, Any]:
         """Run a command and return the record of its result; events and messages change `busy`.
@@ -139,6 +148,7 @@ class Worker:
         """End the command in hand, if any, also one whose process is only being started; it may
         write a checkpoint first."""
         with self._lock:
+            self._change(event=None, line="cancelling…")
             self._cancelled, running = True, self._running
         if running is not None:
             _end(running)
@@ -155,7 +165,7 @@ class Worker:
     def _change(self, **change: Any) -> None:
         """Note an event or a message of the command in hand, and tell of it now and then."""
         with self._lock:
-            if self.busy is None:
+            if self.busy is None or self._cancelled:
                 return
             self.busy = replace(self.busy, **change)
             if self._told.seconds < 0.2:  # seconds between two notices

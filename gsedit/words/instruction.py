@@ -97,7 +97,8 @@ class Change:
             case "material" if self.name == "glow":
                 return f"{part} glowing{color}"
             case "material":
-                return f"{part} made of {self.name}{color}"
+                how = "with a" if self.name.endswith(" finish") else "made of"
+                return f"{part} {how} {self.name}{color}"
             case "object":
                 return f"{part} {_deed(self)}"
             case "growth":
@@ -215,6 +216,8 @@ def clause_of(change: Change) -> str | None:
             )
         case "paint", name if change.color is not None and not name.startswith("between "):
             return f"paint {part} {name}"
+        case "material", name if name.endswith(" finish"):
+            return f"give {part} a {name}"
         case "material", name:
             return f"make {part} {name}" if change.phrase else f"turn {part} into {name}"
         case "object", "scale" if change.amount is not None:

@@ -15,6 +15,7 @@ SENTENCES = [
     ("give it more contrast", ("amount",)),
     ("paint the red one blue", ("color", "finish")),
     ("turn the bear into bronze", ("finish",)),
+    ("make the bear matte", ("finish",)),
     ("put a layer of moss on the largest", ("amount",)),
     ("make the red one twice as big", ("amount",)),
     ("turn it by 30 degrees", ("amount",)),

@@ -201,15 +201,32 @@ def test_needles_and_nothing_are_refused(ball):
         in_material(scene, torch.zeros_like(own), BRONZE, cameras)
 
 
-def test_a_dark_stripe_of_another_hue_goes(ball):
-    _, scene, own, cameras = ball
-    rows = own & (scene.means[:, 2].abs() < 0.15)
-    striped = scene.sh.clone()
-    striped[rows, 0] = (torch.tensor((0.1, 0.35, 0.1)) - 0.5) / SH_DC
-    over_stripes = replace(scene, sh=striped)
+@pytest.fixture(scope="module")
+def striped(ball):
+    """The ball with a stripe of another hue, and the stripe's rows."""
+    _, scene, own, _ = ball
+    rows, sh = own & (scene.means[:, 2].abs() < 0.15), scene.sh.clone()
+    sh[rows, 0] = (torch.tensor((0.1, 0.35, 0.1)) - 0.5) / SH_DC
+    return replace(scene, sh=sh), rows
+
+
+def test_a_finish_alone_keeps_the_colors_that_are_there(ball, striped):
+    (_, _, own, cameras), (scene, _) = ball, striped
+    turned = scene.with_degree(1)
+    turned.sh[own, 2] = 0.3  # brighter from above, as a highlight is
+    matte, glossy = (
+        in_material(turned, own, material_of(f"{name} finish"), cameras).scene
+        for name in ("matte", "glossy")
+    )
+    assert (matte.sh - scene.with_degree(1).sh).abs().max() * SH_DC < 0.02
+    assert glossy.degree == 3
+
+
+def test_a_dark_stripe_of_another_hue_goes(ball, striped):
+    (_, scene, own, cameras), (over_stripes, rows) = ball, striped
     plain, over = (in_material(each, own, MATERIALS["plaster"], cameras).scene
                    for each in (scene, over_stripes))  # fmt: skip
-    before = np.abs((striped - scene.sh)[rows, 0].numpy()).mean()
+    before = np.abs((over_stripes.sh - scene.sh)[rows, 0].numpy()).mean()
     after = np.abs((over.sh - plain.sh)[rows, 0].numpy()).mean()
     assert after < 0.4 * before
 

@@ -47,6 +47,25 @@ def test_sentences_are_read_and_none_is_done_the_opposite_way(name, count, least
     assert counts.total() == count
 
 
+def test_a_slip_in_a_small_word_is_no_part_of_a_name():
+    slipped, spelled = (
+        read_instruction(f"paint {the} bear red {joined} remove {the} vase")
+        for the, joined in (("teh", "adn"), ("the", "and"))
+    )
+    assert slipped.changes == spelled.changes
+    assert [each.phrase for each in slipped.changes] == ["the bear", "the vase"]
+
+
+@pytest.mark.parametrize(
+    ("said", "name"),
+    [("matte", "matte"), ("matt", "matte"), ("shiny", "glossy"), ("polished", "polished"),
+     ("satin", "fabric"), ("matte black", "matte black")],
+)  # fmt: skip
+def test_a_finish_alone_is_no_material(said, name):
+    finish = " finish" * (name in ("matte", "glossy", "polished"))
+    assert only(f"make the bear {said}").name == name + finish
+
+
 def test_any_words_are_read_or_refused():
     odd = ("red", "#ff0000", "12", "%", ",", ".", "not", "0", "blorf", "'s", "-3", ":")
     words = [*entries(), *odd]
@@ -152,13 +171,15 @@ def test_a_negation_around_any_sentence_keeps_it_from_being_done(frame):
 @pytest.mark.parametrize(
     "frame",
     ["please {}", "could you {}?", "Hi there! {}", "I'd like you to {}", "{}, thanks", "ok so {}",
-     "my boss wants you to {}", "{} because I like it"],
+     "my boss wants you to {}", "{} because I like it", "now {}"],
 )  # fmt: skip
-def test_who_asks_and_how_politely_changes_hardly_anything(frame):
-    entries = json.loads((DATA / "open.json").read_text(encoding="utf-8"))
-    verbs = ("make ", "paint ", "turn ", "darken ", "desaturate ", "lower ", "double ", "cut ")
+@pytest.mark.parametrize(("name", "every"), [("open", 3), ("actions", 1)])
+def test_who_asks_and_how_politely_changes_hardly_anything(frame, name, every):
+    entries = json.loads((DATA / f"{name}.json").read_text(encoding="utf-8"))
+    verbs = ("make ", "paint ", "turn ", "darken ", "desaturate ", "lower ", "double ", "cut ",
+             "remove ", "scale ", "shrink ", "rotate ", "move ", "put ")  # fmt: skip
     asked = [each["text"].rstrip(".!") for each in entries if each["text"].startswith(verbs)]
-    some = asked[::3]
+    some = asked[::every]
     same = [read_instruction(frame.format(e)).changes == read_instruction(e).changes for e in some]
     assert sum(same) >= 0.8 * len(some)
 
@@ -176,6 +197,9 @@ def test_what_is_denied_beside_what_is_asked_is_left_out():
         ("make the bear darker, but don't change the garden", "subject"),
         ("darken the whole picture", "scene"),
         ("darken it, but leave the bear alone", "background"),
+        ("only the statue at night", "subject"), ("only at night", "scene"),
+        ("put only the bear in moonlight", "subject"), ("put the bear in moonlight", "scene"),
+        ("turn the scene to night", "scene"),
     ],
 )  # fmt: skip
 def test_the_target_is_the_part_that_is_named(sentence, target):
@@ -205,6 +229,9 @@ def test_a_record_is_one_line_of_json():
         "half of the fog",
         "make the red darker",
         "halve the sepia", "less sepia",
+        "remove the glow", "no glow", "less glow", "reduce the glow", "do not let it glow",
+        "stop it glowing", "it glows too much", "make it glow less", "remove the glow from it",
+        "do not make it shine in the dark", "it should not shine in the dark",
     ],
 )  # fmt: skip
 def test_less_of_what_may_be_there_is_refused_and_never_added(sentence):
@@ -215,18 +242,6 @@ def test_away_from_a_color_is_the_opposite_of_toward_it():
     away, toward = only("tint it away from red"), only("tint it toward red")
     assert away.color == toward.color
     assert away.amount == -(toward.amount or 0) < 0
-
-
-@pytest.mark.parametrize(
-    ("sentence", "target"),
-    [
-        ("only the statue at night", "subject"),
-        ("put only the bear in moonlight", "subject"), ("put the bear in moonlight", "scene"),
-        ("only at night", "scene"), ("turn the scene to night", "scene"),
-    ],
-)  # fmt: skip
-def test_a_light_is_of_the_subject_alone_where_it_is_singled_out(sentence, target):
-    assert only(sentence).target == target
 
 
 def test_each_tone_of_a_list_keeps_its_own_amount():
@@ -256,18 +271,6 @@ def test_each_tone_of_a_list_keeps_its_own_amount():
 )  # fmt: skip
 def test_what_glows_does_so_in_any_color_and_after_the_night(sentence, night, name, color):
     assert made(sentence) == [("scene", "night", None)] * night + [("subject", name, color)]
-
-
-@pytest.mark.parametrize(
-    "sentence",
-    [
-        "remove the glow", "no glow", "less glow", "reduce the glow", "do not let it glow",
-        "stop it glowing", "it glows too much", "make it glow less", "remove the glow from it",
-        "do not make it shine in the dark", "it should not shine in the dark",
-    ],
-)  # fmt: skip
-def test_less_of_a_glow_is_never_more_of_it(sentence):
-    assert not read_instruction(sentence).known
 
 
 def told(sentence: str, saved: tuple[str, ...] = ()) -> list[tuple[str, str, str]]:
@@ -300,12 +303,6 @@ def test_each_thing_has_its_own_look():
     both = told("paint the red one gold and the blue one green")
     assert [phrase for phrase, _, _ in both] == ["the red one", "the blue one"]
     assert told("make everything but the red one black and white")[0][1] == "background"
-
-
-@pytest.mark.parametrize("frame", ["don't {}", "never {}"])
-def test_what_is_denied_is_not_done(frame):
-    for look in LOOKS:
-        assert not read_instruction(frame.format(look.format("the red one"))).changes
 
 
 @pytest.mark.parametrize(

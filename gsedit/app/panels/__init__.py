@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 HEADINGS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("Select", "pointer", ("select",)),
-    ("Tools", "tools", ("clean", "crop", "transform", "measure", "compare")),
+    ("Tools", "tools", ("clean", "transform", "measure", "compare")),
     ("File", "folder", ("export",)),
 )
 """Headings below the box, their icons, and the modules below them, in order; `add` of each, a

@@ -53,12 +53,19 @@ class Clean:
         self.boxes = {name: gui.add_checkbox(name, True, visible=False) for name in SWITCHES}
         self.told = gui.add_markdown("", visible=False)
         self.remove = gui.add_button("Remove it", icon="eraser", visible=False)
-        look.on_click(tab.safely(lambda _: tab.soon("clean", lambda: find(page.loaded), self.take)))
+        look.on_click(tab.safely(lambda _: self.look()))
         self.remove.on_click(tab.safely(lambda _: self.clean()))
         for box in self.boxes.values():
             box.on_update(tab.safely(lambda _: self.show()))
+        tab.tools.append(lambda: self.take(None) if self.found else None)
         page.listen(tab, "scene", lambda: self.take(None))
         page.listen(tab, "selection", self.show)
+
+    def look(self) -> None:
+        """Look for it, in place of a preview."""
+        self.tab.begin()
+        self.told.visible, self.told.content = True, "Looking…"
+        self.tab.soon("clean", lambda: find(self.page.loaded), self.take)
 
     def take(self, found: Found | None) -> None:
         """Show what was found, with all reasons on."""

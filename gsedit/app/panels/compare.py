@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from gsedit.errors import UsageError
 
@@ -19,30 +19,33 @@ def add(page: Page, tab: Tab) -> None:
     """Add the ways to see two steps at once, the command of the step, and what undone ones take."""
     how = tab.gui.add_markdown("")
     ways = tab.gui.add_button_group("show", (ONE, WIPE, BESIDE))
-    other = tab.gui.add_dropdown("left", (BEFORE,))
-    line = tab.gui.add_slider("line", min=0.0, max=1.0, step=0.01, initial_value=0.5)
+    other = tab.gui.add_dropdown("left", (BEFORE,), visible=False)
+    line = tab.gui.add_slider("line", 0.0, 1.0, 0.01, 0.5, visible=False)
 
     def compare() -> None:
         if ways.value == ONE:
-            return tab.compare(None)
-        if len(page.document.steps) < 2:
+            tab.compare(None)
+            return look()
+        if len(page.document.steps) < 2 and not tab.previews:
             raise UsageError("there is nothing to compare with: say a change first, and apply it")
-        position = page.document.position - 1
+        position = page.document.position - (not tab.previews)
         if other.value != BEFORE:
             position = number_of(other.value)
         before = page.load(page.file_of(max(position, 0))).scene
         tab.compare(before, "wipe" if ways.value == WIPE else "beside", line.value)
+        look()
+
+    def look() -> None:
+        other.visible, line.visible = tab.compares, tab.compares and ways.value == WIPE
 
     def show() -> None:
         other.options = (BEFORE, *step_names(page))
         command = page.document.current.command if page.document.current else ()
         how.content = f"`{commanded(command)}`" if command else ""
+        look()
 
-    def later(_: Any) -> None:
-        tab.soon("compare", compare, lambda _: None)
-
-    ways.on_click(tab.safely(later))
-    other.on_update(tab.safely(lambda _: later(_) if tab.compares else None))
+    ways.on_click(tab.safely(lambda _: compare()))
+    other.on_update(tab.safely(lambda _: compare() if tab.compares else None))
     line.on_update(tab.safely(lambda _: tab.wipe(line.value)))
     page.listen(tab, "document", show)
     show()

@@ -74,4 +74,9 @@ def add_export(page: Page, tab: Tab) -> None:
         tab.tell(f"{out.name} is downloaded, and kept in {out.parent}")
         tab.download(out)
 
+    def show() -> None:
+        kind.visible = name.visible = export.visible = page.has_scene
+
     export.on_click(tab.safely(lambda _: act()))
+    page.listen(tab, "document", show)
+    show()

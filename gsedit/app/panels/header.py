@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from gsedit.app.page import Page
     from gsedit.app.tab import Tab
 
+DARK_RED = (190, 40, 40)
+"""Under white letters seen well, with a contrast of 6."""
 MINUTES = dict(zip(QUALITIES, ("2 minutes", "5 minutes", "15 minutes"), strict=True))
 """Time of a fit by its quality, as `gsedit fit` has it."""
 
@@ -34,7 +36,7 @@ def add(page: Page, tab: Tab) -> None:
     state = gui.add_markdown("")
     doing = gui.add_markdown("", visible=False)
     bar = gui.add_progress_bar(0.0, animated=True, visible=False)
-    cancel = gui.add_button("Cancel", color="red", icon="x", visible=False)
+    cancel = gui.add_button("Cancel", color=DARK_RED, icon="x", visible=False)
     again = gui.add_button("Go on with what was interrupted", icon="player-play", visible=False)
     show_photos = add_photos(page, tab)
     show_earlier = add_earlier(page, tab)
@@ -53,9 +55,10 @@ def add(page: Page, tab: Tab) -> None:
         work = page.busy
         doing.visible = bar.visible = cancel.visible = work is not None
         if work is not None:
-            of = f" of about {page.about:.0f} s" if page.about else ""
+            of = f" of about {page.about:.0f} s" if page.about > work.watch.seconds else ""
             doing.content = f"**{work.describe()}{of}**\n\n{plain(work.line)}"
-            bar.value = 100 * (work.share or 0.0)
+            timed = min(work.watch.seconds / page.about, 0.95) if page.about else 0.0
+            bar.value = 100 * (timed if work.share is None else work.share)
         show_state()
 
     cancel.on_click(tab.safely(lambda _: page.cancel()))

@@ -68,10 +68,10 @@ def strip_of(page: Page) -> str:
         button("frame", "Frame", label="Frame what is selected (F)"),
         '<button type="button" class="chip" data-hold="before">Hold to compare (B)</button>',
     ]
-    if len(document.steps) > 1:
+    if last := len(document.steps) - 1:
         tools += [
-            button("undo", "Undo", label="Undo (Ctrl-Z)"),
-            button("redo", "Redo", label="Redo (Ctrl-Y)"),
+            button("undo", "Undo", label="Undo (Ctrl-Z)", off=document.position == 0),
+            button("redo", "Redo", label="Redo (Ctrl-Y)", off=document.position == last),
         ]
     return f'<div class="strip">{"".join(cells)}</div><div class="told">{"".join(tools)}</div>'
 

@@ -34,6 +34,7 @@ class Measure:
         """Let clicks measure, or select again."""
         self.told.visible = self.on.value
         if self.on.value:
+            self.tab.begin()
             self.tab.pointer(NAME, self.clicked)
         else:
             self.tab.pointer(None)
@@ -53,6 +54,7 @@ class Measure:
             others = [each.camera for each in loaded.viewpoints]
             return point_at(loaded.scene, pick.camera, pick.x, pick.y, others)
 
+        self.told.content = "Looking for the point…"
         self.tab.soon(NAME, find, self.take)
 
     def take(self, point: SurfacePoint) -> None:

@@ -30,16 +30,16 @@ if TYPE_CHECKING:
     from gsedit.app.tab import Tab
 
 
-EXAMPLES = (
-    "turn it into bronze", "paint it glossy red", "make it night", "make it half the size",
-    "remove it", "in the style of Van Gogh",
-)  # fmt: skip
+EXAMPLES = ("remove it", "make it brighter", "paint it glossy red", "make it half the size")
+"""Sentences beside those of the looks."""
 STATE = '<div class="told state" role="status">{}</div>'
 NONE = button("none", "✕ the selection", label="Select nothing")
 AIM, PREVIEW, MARK = "aim", "preview", "mark"
 """Keys of the work that finds what is named, that draws its change, and that numbers objects."""
 PAUSE, PAUSE_SELECTED = 0.35, 1.2
 """Seconds without a key after which a preview begins; and after a click, to see what it took."""
+MEASURED = 8.0
+"""Seconds that an edit is measured and written, and its pictures drawn."""
 TOLD = 1.0
 """Seconds of work from which it is said how long it takes."""
 
@@ -61,8 +61,8 @@ class Say:
         self.text = gui.add_text(
             "Say what should change", "", hint="Enter applies it, Escape ends its preview."
         )
-        self.told, self.state = gui.add_html(""), gui.add_html("")
         self.apply_button = gui.add_button("Apply", icon="check", visible=False)
+        self.told, self.state = gui.add_html(""), gui.add_html("")
         self.looks = Looks(page, tab)
         self.text.on_update(tab.safely(self.written))
         self.apply_button.on_click(tab.safely(lambda _: self.apply()))
@@ -103,6 +103,8 @@ class Say:
         with self.reads:  # each change of the text is told in a thread of its own
             self.understand()
             if by_person:
+                for put_away in self.tab.tools:
+                    put_away()
                 self.aim(pause)
             self.show()
 
@@ -136,7 +138,7 @@ class Say:
             return
         names, selected = self.names(), self.page.selection is not None
         again = lambda each: read_instruction(each, names)  # noqa: E731
-        shown = escape(reading.refusal) + offers(reading, again)
+        shown = f"<p>{escape(reading.refusal)}</p>{offers(reading, names)}"
         if known:
             shown = chips_of(reading, self.knobs, again, selected=selected)
         shown += NONE if selected else ""
@@ -198,7 +200,7 @@ class Say:
 
     def mark(self) -> None:
         """Lay the numbers of the objects over the picture."""
-        if not self.marked or not self.page.has_scene:
+        if not self.marked or self.tab.compares or not self.page.has_scene:
             self.tab.drop(MARK)
             return self.tab.over("") if self.page.has_scene else self.tab.welcome()
         loaded, camera = self.page.loaded, self.tab.camera()
@@ -344,22 +346,22 @@ class Say:
             self.show()
 
     def asked(self) -> Reading:
-        """The sentence as it was understood. Raises UsageError where it is empty or refused."""
+        """The sentence as it was understood. Raises UsageError where it is empty."""
         if self.reading is None or self.reading.text != self.text.value.strip():
             self.typed(by_person=False)  # it was not yet
         if self.reading is None:
             raise UsageError("say what should change first, as in “turn it into bronze”")
-        if self.reading.refusal:
-            raise UsageError(self.reading.refusal)
         return self.reading
 
     def apply(self) -> None:
         """Edit the scene as the sentence says; the result is the next step."""
         reading = self.asked()
+        if reading.refusal:
+            return  # which is told below the box
         after = partial(self.applied, reading.text)
         unread = ("--accept-unread",) if reading.text == self.accepted else ()
         options = (*self.page.region_options(), *unread)
-        about = reading.seconds(len(self.page.scene))
+        about = MEASURED + reading.seconds(len(self.page.scene))
         self.page.step("edit", reading.text, *options, title=reading.text, after=after, about=about)
 
     def applied(self, said_: str) -> None:

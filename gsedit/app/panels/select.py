@@ -10,6 +10,7 @@ import torch
 from jaxtyping import Bool
 from torch import Tensor
 
+from gsedit.app.steps import region_file
 from gsedit.errors import UsageError
 from gsedit.scene.table import table_of
 from gsedit.select.click import SMALLEST, Click, Selector, at_one_place
@@ -61,7 +62,7 @@ ADD, TAKE = "cmd/ctrl", "alt"
 """Keys held at a click: select this too; take this away."""
 SELECTS, ADDS, TAKES, NOTHING = "select", "add", "take away", "do nothing"
 """Ways of a click without a key, as on a phone."""
-SELECT = "selection"
+SELECT, KEEP = "selection", "Keep only"
 DOUBLE = 0.4
 """Seconds within which a second click frames what the first selected."""
 
@@ -76,11 +77,13 @@ class Select:
         self.state = gui.add_markdown("")
         self.picks = gui.add_dropdown("clicks", (SELECTS, ADDS, TAKES, NOTHING), hint=_HOW)
         self.change = gui.add_button_group("", ("Grow", "Shrink", "Invert", "None"))
+        self.cut = gui.add_button_group("", (KEEP, "Delete"))
         self.name = gui.add_text("name", "", hint="Sentences may say it: “paint the chair gold”.")
         self.save = gui.add_button("Save the selection", icon="tag")
         safely = tab.safely
         self.picks.on_update(safely(lambda _: self.point()))
         self.change.on_click(safely(lambda _: self.changed(self.change.value)))
+        self.cut.on_click(safely(lambda _: self.filter(self.cut.value)))
         self.save.on_click(safely(lambda _: self.keep()))
         tab.key("Select nothing", "escape", lambda: page.select(None))
         tab.key("Invert the selection", "I", lambda: self.changed("Invert"), "cmd/ctrl")
@@ -125,6 +128,7 @@ class Select:
             self.tab.tell("still looking for the objects of the scene: about 10 s, once")
 
         def then(found: tuple[Clicks, Region]) -> None:
+            self.tab.hush()
             self.clicks, region = found
             self.take(region)
 
@@ -141,24 +145,34 @@ class Select:
 
     def changed(self, how: str) -> None:
         """Grow, shrink or invert the selection, or end it."""
-        page, flags = self.page, self.page.selection
+        page = self.page
         if how == "None":
             self.clicks = Clicks()
             return page.select(None)
-        if flags is None:
-            raise UsageError("nothing is selected: click on an object, or say it")
+        flags = self.selected()
         if how == "Invert":
             return page.select(~flags, f"all but {page.note}")
         radius = 0.01 * page.loaded.bulk.radius * (1 if how == "Grow" else -1)
         scene, note = page.scene, page.note
         self.tab.soon(SELECT, lambda: grown(scene, flags, radius), lambda x: page.select(x, note))
 
+    def selected(self) -> Tensor:
+        """The selection. Raises UsageError where nothing is selected."""
+        if self.page.selection is None:
+            raise UsageError("nothing is selected: click on an object, or say it")
+        return self.page.selection
+
+    def filter(self, how: str) -> None:
+        """Keep only the selection, or delete it; nothing is filled."""
+        flags, folder = self.selected(), self.page.folder
+        assert folder is not None  # something is selected
+        file = region_file(flags if how == KEEP else ~flags, folder)
+        self.page.step("filter", "--region", str(file), title=f"{how.lower()} the selection")
+
     def keep(self) -> None:
         """Save the selection beside the scene, in the place of one of the same name."""
         page, name = self.page, self.name.value.strip()
-        if page.selection is None:
-            raise UsageError("nothing is selected: click on an object, or say it")
-        flags, means = page.selection.numpy(), page.scene.means.numpy()
+        flags, means = self.selected().numpy(), page.scene.means.numpy()
         save_named(flags, means, page.scene_file, name, overwrite=True)
         self.tab.tell(f"saved as “{name}”: sentences may say it")
         self.name.value = ""

@@ -34,7 +34,8 @@ class Transform:
         self.apply = gui.add_button("Apply the move", icon="check", visible=False)
         self.handles: Any = None
         self.pivot = np.zeros(3)
-        self.on.on_update(safely(lambda _: self.show()))
+        self.on.on_update(safely(lambda _: (self.on.value and tab.begin(), self.show())))
+        tab.tools.append(self.end)
         self.scale.on_update(safely(lambda event: event.client is not None and self.moved()))
         self.apply.on_click(safely(lambda _: self.act()))
         for what in ("scene", "selection"):
@@ -85,8 +86,9 @@ class Transform:
 
     def end(self) -> None:
         """Put the handles away."""
-        self.on.value = False
-        self.show()
+        if self.on.value:
+            self.on.value = False
+            self.show()
 
 
 _HINT = (

@@ -447,28 +447,40 @@ def colors_of(
 ) -> Float[Tensor, "s k 3"]:
     """SH coefficients of these of the Gaussians in a material, fitted to one direction in so many;
     those of degree 0 are of all of them in a matte one."""
-    surface = reflectance(material, studied.ground)
+    surface, skin = reflectance(material, studied.ground), studied.skin
+    if not material.color:  # carving is in the colors that are there
+        surface = replace(surface, color=own_colors(studied))
+        skin = replace(skin, detail=torch.ones_like(skin.detail))
     diffuse = body(material, surface, studied.sides)
     if degree == 0:
-        sent = everywhere(material, surface, studied.skin, diffuse, studied.sides[:, 0])
+        sent = everywhere(material, surface, skin, diffuse, studied.sides[:, 0])
         return ((displayed(sent) - 0.5) / SH_DC)[:, None]
     own = studied.sides[:, 0] * surface.color
     directions, looked = ray_directions()[::every].to(diffuse), studied.looked[:, ::every]
     found = [diffuse.new_zeros(0, (degree + 1) ** 2, 3)]
     for start in range(0, len(only), AT_ONCE):
         rows = only[start : start + AT_ONCE]
-        skin, here = studied.skin[rows], surface[rows]
-        seen = (skin.normals @ directions.T + BEHIND).clamp(0, 0.5)
+        some, here = skin[rows], surface[rows]
+        seen = (some.normals @ directions.T + BEHIND).clamp(0, 0.5)
         weights = seen * looked[studied.few.over[rows, 0]]
         at, way = (weights > 0).nonzero().unbind(-1)
         sent = outgoing(
-            studied.light, material, here[at], skin[at], diffuse[rows][at], own[rows][at],
+            studied.light, material, here[at], some[at], diffuse[rows][at], own[rows][at],
             directions[way], studied.laid.count > 0,
         )  # fmt: skip
         shown = sent.new_full((*weights.shape, 3), 0.5)
         shown[at, way] = displayed(sent)
         found.append(fitted(shown, -directions, weights, degree))
     return torch.cat(found)
+
+
+def own_colors(studied: Studied) -> Float[Tensor, "m 3"]:
+    """Albedo of what is there: its linear color by the light that arrives. What would be more than
+    white is a highlight, and goes."""
+    part = studied.laid.scene[studied.laid.inside]
+    shown = linear_of_srgb(sh_to_color(part.sh[:, 0]).clamp(0, 1).double().numpy())
+    sides = studied.sides[:, 0]
+    return (torch.from_numpy(shown).to(sides) / sides.clamp_min(FAINT)).clamp(0, 1)
 
 
 def displayed(light: Float[Tensor, "*s 3"]) -> Float[Tensor, "*s 3"]:

@@ -45,7 +45,8 @@ class Material:
     """Parameters of a surface; each but the colors is in [0, 1]."""
 
     color: str
-    """Base color as "#rrggbb", for a display: albedo, or reflectance of metal head on."""
+    """Base color as "#rrggbb", for a display: albedo, or reflectance of metal head on; "" for the
+    colors that are there."""
     metalness: float = 0.0
     roughness: float = 0.6
     """0 is a mirror, 1 is chalk."""
@@ -74,8 +75,9 @@ class Material:
 
     @property
     def is_plain(self) -> bool:
-        """Whether it is one matte color: nothing of it is finer than a scene's Gaussians."""
-        return self.is_matte and not self.layers
+        """Whether it is one matte color, or those that are there: nothing of it is finer than a
+        scene's Gaussians."""
+        return not self.color or (self.is_matte and not self.layers)
 
 
 MATTE = 0.75
@@ -158,12 +160,12 @@ def material_of(name: str, color: str | None = None) -> Material | None:
     finish = [word for word in words if word in FINISHES]
     if found not in MATERIALS and not finish and color is None:
         return None
-    material = MATERIALS.get(found, PAINT)
+    material = MATERIALS.get(found) or replace(PAINT, color="")
     if color is not None:
         material = recolored(material, color)
     for word in finish:
         material = _finished(material, FINISHES[word])
-    if "brushed" in finish and material.metalness > 0:
+    if "brushed" in finish and material.metalness > 0 and material.color:
         streaks = replace(BRUSHED, color=darker(material.color))
         material = replace(material, layers=(streaks, *material.layers))
 

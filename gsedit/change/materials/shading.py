@@ -439,4 +439,4 @@ def mirror_of(
 
 
 def _linear(color: str) -> Float[Tensor, "3"]:
-    return torch.from_numpy(linear_of_srgb(srgb_of_hex(color)))
+    return torch.from_numpy(linear_of_srgb(srgb_of_hex(color or "#808080")))

@@ -100,11 +100,11 @@ def _change(asked: Asked, text: str) -> Change:
             return _toned(asked, text)
         case "paint":
             name = led(asked.name, text)
-            found = values.paint(name) or values.material(name)
+            found = values.finish(name) or values.paint(name) or values.material(name)
         case "material":
             name = led(asked.name, text)
             found = PAINTED.search(text) and values.paint(name)
-            found = found or values.material(name) or values.paint(name)
+            found = found or values.finish(name) or values.material(name) or values.paint(name)
         case "cover":
             found = values.cover(asked.name, asked.degree)
             share = amount_of(scanned(asked.amount)).share

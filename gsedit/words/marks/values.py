@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from functools import lru_cache
 
@@ -18,6 +19,8 @@ GROWTH, LAMPS = lexicon.names("growth"), lights("own")
 """Layers that lie on what faces the sky, and lights whose brightness is their own."""
 UNSIDED = LIGHTS - lights("sun") - lights("lamp")
 """Lights from no side."""
+SURFACE = re.compile(r"\b(?:an?|very|more|look|surface|finish|sheen)\b")
+"""Words beside that of a finish which name no material."""
 GLOW = "glow"
 """Material of any color."""
 FROM = {
@@ -134,6 +137,16 @@ def paint(name: str) -> Change | None:
     finish = next((each.value for each in words if each.kind == "finish"), None)
     said = f"{finish} {word.text}" if finish and finish not in word.text else word.text
     return Change("subject", "paint", said, word.color, None, "paint")
+
+
+def finish(name: str) -> Change | None:
+    """The finish that words name, and nothing else: "matte", "a polished surface"; None for other
+    words, for satin, which is a cloth, where no "finish" is said, and for light that shines."""
+    bare = SURFACE.sub("", name).strip()
+    said = bare if bare == "polished" else _facts("finish").get(bare, "")
+    if not said or bare.startswith("shine") or (bare == name.strip() and material(name)):
+        return None
+    return Change("subject", "material", f"{said} finish", None, None, "material")
 
 
 def _some_color(name: str) -> Word | None:
