@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection
-from dataclasses import replace
 
 from gsedit.errors import Said
 from gsedit.words.called import called
@@ -34,9 +33,6 @@ def read_instruction(
     """
     if is_written(sentence):
         return written(sentence)
-    right = WHIM.sub("", SLIP.sub(lambda slip: "the" if slip[1] else "and", sentence))
-    if right != sentence:
-        return replace(read_instruction(right, saved, accept_unread=accept_unread), text=sentence)
     if (bare := without_base(sentence)) != sentence:
         read = read_instruction(bare, saved, accept_unread=accept_unread)
         return with_base(read, sentence)
@@ -57,10 +53,6 @@ def read_instruction(
     return Instruction(sentence, False, why, (), "unread", (sentence,))
 
 
-SLIP = re.compile(r"(?<![^\s,;:])(?:(teh|hte|th|thw|thr|tge|tje)|adn|nad|amd|anf|snd|ahd)(?!\S)")
-"""A slip of the keys in "the" or "and", which would else be part of a thing's name."""
-WHIM = re.compile(r",? (?:because|since) (?:i|we) (?:like|love|want|prefer) (?:it|that)\W*$", re.I)
-"""A reason that asks for nothing."""
 STEP = re.compile(r"(?P<but>(?:all|everything) but )?(?P<part>.+?) in the style of (?P<style>.+)")
 """A painted step, as the program calls it."""
 PARTS: dict[str, Target] = {

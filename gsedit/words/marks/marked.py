@@ -64,7 +64,8 @@ def known() -> frozenset[str]:
 
 def spelled(text: str) -> str:
     """A text without slips in words that neither the lexicon nor the network knows: two letters
-    swapped after the first one, a letter doubled or not, a vowel left out of a long word."""
+    swapped after the first one, a letter doubled or not, a vowel left out of a long word, a key
+    missed in "the" and "and"."""
     return WORD.sub(lambda found: _spelled(found[0]), text)
 
 
@@ -74,6 +75,7 @@ def _spelled(word: str) -> str:
         return word
     cut = [(low[:at], low[at:]) for at in range(1, len(low) + 1)]
     near = [a + b[1] + b[0] + b[2:] for a, b in cut if len(b) > 1]
+    near += [w for w in ("the", "and") if len(low) == 3 and sum(map(str.__ne__, low, w)) == 1]
     if len(low) > 3:
         near += [a + b[1:] for a, b in cut if b and a[-1] == b[0]] + [a + a[-1] + b for a, b in cut]
     if len(low) > 5:
