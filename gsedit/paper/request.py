@@ -64,11 +64,6 @@ class Method:
     features: FeatureExtractor | None = None
     """Features that the Gram loss compares; None: a bank of oriented filters."""
 
-    def check(self, prompt: str) -> None:
-        """Raise UsageError for a strategy that is none, or a sentence it cannot follow."""
-        check_strategy(self.strategy)
-        self.editor.check(prompt)
-
 
 @dataclass(frozen=True, eq=False)
 class Request:
@@ -122,13 +117,8 @@ def build_request(
     settings: EditSettings,
     method: Method,
 ) -> Request:
-    """The request of an edit.
-
-    Raises UsageError for an instruction the editor cannot follow, or a strategy that is no
-    dataclass.
-    """
+    """The request of an edit; the editor follows the prompt. Raises UsageError without views."""
     strategy, scene = method.strategy, scene.detach()
-    method.check(prompt)
     check_installed(settings.update)
     editor = method.editor
     size = _edit_size(settings, editor)
