@@ -91,7 +91,7 @@ def change_steps(
             raise UsageError(f"{step}: this is drawn, and there is nothing to draw it with")
         else:
             request = job.request(total.scene, step, parts.now(key_of(step.changes[0])))
-            drawing = yield from drawn(request, job.state_for(step))
+            drawing = yield from drawn(request, job.state_for(step), watch)
             parts, total = parts.after(step.changes[0], drawing), total.then(drawing)
     return changed_by(scene, steps, parts, total, drawing, assumed(steps, finder.names))
 

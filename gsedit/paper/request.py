@@ -9,6 +9,8 @@ from itertools import chain
 from typing import Any
 
 import torch
+from jaxtyping import Float
+from torch import Tensor
 
 from gsedit.capture.fitting.update import check_installed
 from gsedit.errors import UsageError
@@ -84,6 +86,8 @@ class Request:
     generator: torch.Generator
     region: Region | None = None
     """The Gaussians of `scene` that may change; None: the edited views will tell."""
+    seen: Float[Tensor, "v n"] | None = None
+    """How much each of `views` sees of each Gaussian; None: a survey will tell."""
 
     @property
     def solves(self) -> bool:

@@ -1,11 +1,14 @@
 """Painting styles: each is drawn by the painter in the part of the scene that it is said of."""
 
+from dataclasses import replace
+
 import pytest
 import tiny_edits
 import torch
 
 import gsedit
 from gsedit.capture.fitting.optimizer import optimized_scene
+from gsedit.editing import grain
 from gsedit.editing.edit import prepare
 from gsedit.editing.grain import MOST_TIMES
 from gsedit.editing.plan import read_steps, steps_of
@@ -14,6 +17,7 @@ from gsedit.errors import UsageError
 from gsedit.paper.editors import make_editor
 from gsedit.paper.settings import EditSettings
 from gsedit.paper.strategies.single_pass import SinglePass
+from gsedit.paper.view_plan import survey
 from gsedit.scene.picture import render_picture
 from gsedit.select.finder import Finder, Names
 from gsedit.select.saved import save_named
@@ -85,12 +89,18 @@ def test_a_region_is_what_is_painted(half, tmp_path):
     assert "strokes are finer" in result.notes[-1]
 
 
-def test_a_checkpoint_of_a_painting_is_a_scene(half):
-    settings = EditSettings(brush=6.0, checkpoint_seconds=0.0, batches=1)
-    items = gsedit.edit_steps(half[0], "as a woodcut", tiny_edits.data(), settings=settings)
+def test_a_painting_goes_on_though_another_kernel_rounds_otherwise(half, monkeypatch):
+    given, views = replace(BROAD, checkpoint_seconds=0.0, batches=1), tiny_edits.data()
+    items = gsedit.edit_steps(half[0], "as a woodcut", views, settings=given)
     kept = next(each for each in items if isinstance(each, gsedit.Checkpoint))
     held = optimized_scene(kept.state.within("optimizer"), half[0])
     assert torch.equal(held.means, kept.scene.means)
+    rounded = survey(half[0], [view.camera for view in views.split()[0]]).round(decimals=2)
+    monkeypatch.setattr(grain, "survey", lambda *_: rounded)
+    monkeypatch.setattr("gsedit.paper.draw.survey", None)  # the one before dividing is enough
+    result = gsedit.edit(half[0], "as a woodcut", views, settings=given, resume=kept.state)
+    assert len(result.scene) == len(held)
+    assert 0 < result.timings["divide"] < result.timings["total"]
 
 
 def test_a_preview_paints_its_part_alone(half, named):

@@ -38,7 +38,6 @@ from gsedit.paper.session import render_with_depth
 from gsedit.paper.view_plan import random_plan
 from gsedit.views.dataset import View
 from gsedit.views.image_ops import pad_camera, pad_to_multiple
-from gsedit.words.lexicon import styles
 from gsedit.words.read import read_instruction
 from rasterizer.numerics import SH_DC
 from rasterizer.render import render
@@ -182,7 +181,7 @@ class Bench:
         def agree(block: int, x: Tensor) -> Tensor:
             return consensus(x, matches.labels) if matches and block <= blocks else x
 
-        style = self.painter.styles[styles()[read_instruction(self.style).changes[0].name]]
+        style = self.painter.in_styles((read_instruction(self.style).changes[0].name,)).asked
         return painted(self.painter.network, torch.stack(list(pictures)), style, agree)
 
     def _start(

@@ -28,7 +28,6 @@ from gsedit.paper.view_plan import plan_views, survey, wholeness
 from gsedit.scene.picture import render_picture
 from gsedit.views.cameras_json import cameras_file, read_cameras
 from gsedit.views.viewpoints import same_size, thinned
-from gsedit.words.lexicon import styles
 from gsedit.words.read import read_instruction
 from rasterizer.camera import Camera
 from rasterizer.scene import Gaussians
@@ -146,7 +145,7 @@ class Meter:
         if distance is None:
             raise UsageError(f"the perceptual distance is not installed: {INSTALL}")
         self.case, self.distance = case, distance
-        affine = painter.styles[styles()[read_instruction(style).changes[0].name]]
+        affine = painter.in_styles((read_instruction(style).changes[0].name,)).asked
         alone = [painted(painter.network, case.unedited[i][None], affine) for i in case.held]
         self.truth = torch.cat(alone)
         self.energy = energy(list(self.truth))
