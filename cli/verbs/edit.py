@@ -347,8 +347,8 @@ def write_views(views: Views, result: EditResult, folder: Path) -> None:
 
     viewpoints = viewpoints_of(views)
     write_cameras(viewpoints, folder / "cameras.json", overwrite=True)
-    edited = by_edit(viewpoints, {view.name for view in result.originals})
-    write_view_list(edited, folder / "views.json", overwrite=True)
+    measured = result.views or by_edit(viewpoints, ())
+    write_view_list(measured, folder / "views.json", overwrite=True)
 
 
 def run_and_show(

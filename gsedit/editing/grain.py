@@ -137,7 +137,9 @@ def _carried(
         told = f"{len(before):,} Gaussians are {len(after):,} now: strokes are finer than some were"
         notes = (*notes, told)
     evidence = of_the_whole(drawing.evidence, before, after if merged else None)
-    few = [request.held_out[i] for i in evenly_spaced(len(request.held_out), MEASURED_VIEWS)]
+    few = request.held_out
+    if merged is not None:
+        few = tuple(few[i] for i in evenly_spaced(len(few), MEASURED_VIEWS))
     originals = (*evidence.originals, *pictures_at(before, few))
     finals = (*evidence.finals, *pictures_at(after, few))
     own = None if merged else request.region or everything(before)
