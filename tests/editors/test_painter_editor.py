@@ -35,8 +35,11 @@ def close(a, b, tolerance=1e-4):
     torch.testing.assert_close(a, b, rtol=0, atol=tolerance)
 
 
-def test_a_view_is_painted_alike_in_any_batch():
+def test_a_view_is_painted_alike_in_any_batch_and_precision():
     views, editor = pictures(4), make_editor("painter")
+    double = painted(editor, views[:1].double())
+    assert double.dtype == torch.float64
+    close(double.float(), painted(editor, views[:1]))
     close(painted(editor, views), torch.cat([painted(editor, view[None]) for view in views]))
 
 

@@ -122,10 +122,10 @@ def painted(
     style: Sequence[Affine],
     agree: Agree | None = None,
 ) -> Float[Tensor, "v h w 3"]:
-    """Pictures of any size as a network paints them, sRGB in [0, 1]."""
+    """Pictures of any size as a network paints them, sRGB in [0, 1]; it computes in float32."""
     height, width = pictures.shape[1:3]
-    whole = pad_to_multiple(pictures, CELL, "mirror").movedim(-1, 1)
-    return network(whole, style, agree).movedim(1, -1)[:, :height, :width]
+    whole = pad_to_multiple(pictures.float(), CELL, "mirror").movedim(-1, 1)
+    return network(whole, style, agree).movedim(1, -1)[:, :height, :width].to(pictures)
 
 
 @contextmanager
