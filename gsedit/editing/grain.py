@@ -106,7 +106,7 @@ def _by_groups(request: Request) -> tuple[MergedScene | None, Request]:
     region = request.region
     if region is not None:
         region = replace(region, inside=merged.majority(region.inside))
-    return merged, replace(request, scene=merged.scene, region=region)
+    return merged, replace(request, scene=merged.scene, region=region, whole=request.scene)
 
 
 def _of_all(

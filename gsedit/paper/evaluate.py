@@ -343,7 +343,7 @@ def _edit_held_out(
         start={i: session.unedited.picture(i) for i in views},
         stage=MEASURE,
     )
-    return {i: session.within_region(i, image) for i, image in zip(views, images)}
+    return {i: session.target(i, image) for i, image in zip(views, images)}
 
 
 def _edit_alone(
@@ -355,5 +355,5 @@ def _edit_alone(
     for i in views:
         start = {i: session.unedited.picture(i)}
         (image,) = yield from sample_views(session, (i,), (), None, sampler, start, MEASURE)
-        alone[i] = session.within_region(i, image)
+        alone[i] = session.target(i, image)
     return alone

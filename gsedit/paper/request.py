@@ -88,6 +88,8 @@ class Request:
     """The Gaussians of `scene` that may change; None: the edited views will tell."""
     seen: Float[Tensor, "v n"] | None = None
     """How much each of `views` sees of each Gaussian; None: a survey will tell."""
+    whole: Gaussians | None = None
+    """The scene of which `scene` holds the groups; None: it is itself whole."""
 
     @property
     def solves(self) -> bool:
