@@ -205,6 +205,18 @@ def test_a_shadow_is_no_object():
         meant(asked("light", name="the shadows", value="night", value_sure=0.9))
 
 
+@pytest.mark.parametrize(
+    ("sentence", "light"),
+    [
+        ("give it long evening shadows", "sunset"), ("make the shadows longer", "sunset"),
+        ("long shadows from the left", "sunset from the left"),
+        ("moonlight with long shadows", "moonlight"),
+    ],
+)  # fmt: skip
+def test_long_shadows_are_those_of_a_low_sun(sentence, light):
+    assert [(c.kind, c.name) for c in read_instruction(sentence).changes] == [("light", light)]
+
+
 @pytest.mark.parametrize("why", REASONS.values())
 def test_what_a_refusal_offers_is_read(why):
     for offered in re.findall(r"(?:as in |\()'([^']+ [^']+)'", why):
