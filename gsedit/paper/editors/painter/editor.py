@@ -139,7 +139,7 @@ def load_painter(path: Path = WEIGHTS) -> Painter:
             tuple(Affine(gammas[name][k], held[f"{name}.beta"][k]) for name in gammas)
             for k in range(len(next(iter(gammas.values()))))
         )
-        with torch.device("meta"):
+        with torch.random.fork_rng(devices=()):
             network = PaintNetwork()
         hold(network, {k: v for k, v in held.items() if k.endswith(".weight")})
         return Painter(network, styles)

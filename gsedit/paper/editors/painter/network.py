@@ -151,7 +151,7 @@ def weights_of(path: Path) -> Iterator[dict[str, Tensor]]:
 
 
 def hold(network: nn.Module, weights: dict[str, Tensor]) -> None:
-    """Give a network, made on the device "meta", its weights, of which none will learn."""
+    """Give a network its weights, of which none will learn."""
     network.load_state_dict(weights, assign=True)
     network.eval().requires_grad_(False)
 
@@ -268,7 +268,7 @@ def load_picture_styles(path: Path = WEIGHTS) -> tuple[PaintNetwork, StylePredic
     missing or damaged.
     """
     with weights_of(path) as weights:
-        with torch.device("meta"):
+        with torch.random.fork_rng(devices=()):
             network = PaintNetwork(5, contract=(8, 16, 32), expand=(16, 8), folded=True)
             predictor = StylePredictor()
         hold(nn.ModuleDict({"paint": network, "predict": predictor}), weights)
