@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Generator
 from dataclasses import replace
+from typing import Any
 
 import torch
 from jaxtyping import Float, Int
@@ -110,15 +111,14 @@ def _by_groups(request: Request) -> tuple[MergedScene | None, Request]:
 
 
 def _of_all(
-    item: Checkpoint, merged: MergedScene | None, drawn: Gaussians, worth: Tensor | None
+    item: Checkpoint, merged: MergedScene | None, drawn: Gaussians, worth: Any
 ) -> Checkpoint:
     """A checkpoint whose scene has all Gaussians; that of pieces holds what does not move too."""
     if merged is not None:
         groups = item.copy_scene
         return replace(item, copy_scene=lambda: merged.transfer(groups()))
     still = {f"optimizer.value.{name}": value for name, value in vars(drawn).items()}
-    if worth is not None:
-        still["worth"] = worth
+    still["worth"] = worth
     return replace(item, state=replace(item.state, tensors={**still, **item.state.tensors}))
 
 

@@ -229,10 +229,8 @@ class Session:
         photo without what the groups of a large scene lose, which is no edit."""
         request = self.request
         if request.whole is not None and request.settings.condition == "photo":
-            lost = self.unedited.picture(i) - render_picture(
-                request.whole, request.every_view[i].camera
-            )
-            edited = (edited + lost.to(edited)).clamp(0, 1)
+            whole = render_picture(request.whole, request.every_view[i].camera)
+            edited = (edited + (self.unedited.picture(i) - whole).to(edited)).clamp(0, 1)
         return self.within_region(i, edited)
 
     def all_bands(self) -> Gaussians:

@@ -205,16 +205,10 @@ def test_a_shadow_is_no_object():
         meant(asked("light", name="the shadows", value="night", value_sure=0.9))
 
 
-@pytest.mark.parametrize(
-    ("sentence", "light"),
-    [
-        ("give it long evening shadows", "sunset"), ("make the shadows longer", "sunset"),
-        ("long shadows from the left", "sunset from the left"),
-        ("moonlight with long shadows", "moonlight"),
-    ],
-)  # fmt: skip
-def test_long_shadows_are_those_of_a_low_sun(sentence, light):
-    assert [(c.kind, c.name) for c in read_instruction(sentence).changes] == [("light", light)]
+def test_long_shadows_are_those_of_a_low_sun():
+    told = "give it long evening shadows", "make the shadows longer", "moonlight with long shadows"
+    read = [[change.name for change in read_instruction(each).changes] for each in told]
+    assert read == [["sunset"], ["sunset"], ["moonlight"]]
 
 
 @pytest.mark.parametrize("why", REASONS.values())

@@ -8,12 +8,11 @@ import tiny_edits
 import torch
 from divide import divide
 
-import gsedit
-from gsedit import edit
+from gsedit import Dataset, edit
 from gsedit.editing import grain
 from gsedit.editing.measure import pictures_at
 from gsedit.measures.formulas import psnr
-from gsedit.paper.editors import Capabilities, EditProgress
+from gsedit.paper.editors import EditProgress
 from gsedit.paper.strategies.single_pass import SinglePass
 from gsedit.scene.merging import coarsen
 from rasterizer import render
@@ -51,13 +50,8 @@ def test_an_edit_by_groups_is_that_of_all_gaussians(monkeypatch, loss, decibels)
     assert merged.metrics.psnr_to_ground_truth > whole.metrics.psnr_to_ground_truth - decibels
 
 
-class Still:
+class Still(tiny_edits.Watched):
     """A 2D editor that changes nothing."""
-
-    name, cell, capabilities = "still", 8, Capabilities()
-
-    def check(self, prompt):
-        pass
 
     def edit(self, batch, settings, generator):
         yield EditProgress(1, 1, batch.originals)
@@ -66,13 +60,12 @@ class Still:
 def test_photos_of_all_gaussians_do_not_change_their_groups(monkeypatch):
     generator = torch.Generator().manual_seed(0)
     scene = divide(tiny_edits.scene(), 4, 1, generator)
-    noise = torch.randn(scene.sh.shape, generator=generator)
-    scene, views = replace(scene, sh=scene.sh + 0.5 * noise), tiny_edits.data().views
+    noise, views = torch.randn(scene.sh.shape, generator=generator), tiny_edits.data().views
+    scene = replace(scene, sh=scene.sh + 0.5 * noise)
     monkeypatch.setattr(grain, "coarsen", partial(coarsen, most=1500))
     usual = tiny_edits.SETTINGS
     sampler, update = replace(usual.sampler, harmonise=False), replace(usual.update, loss="mse")
-    given = {"sampler": sampler, "update": update, "condition": "photo", "region": "all"}
-    settings = replace(usual, **given)
-    photos = gsedit.Dataset(pictures_at(scene, views))
-    result = gsedit.edit(scene, "as it is", photos, editor=Still(), settings=settings)
+    settings = replace(usual, sampler=sampler, update=update, condition="photo", region="all")
+    given = {"views": Dataset(pictures_at(scene, views)), "settings": settings}
+    result = edit(scene, tiny_edits.PROMPT, editor=Still(), **given)
     assert result.metrics.rmse_to_unedited < 0.004  # 0.04 where they do

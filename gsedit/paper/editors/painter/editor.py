@@ -133,14 +133,13 @@ def load_painter(path: Path = WEIGHTS) -> Painter:
 
     Raises InputError where the file is missing or damaged.
     """
-    with weights_of(path) as held:
+    with weights_of(path) as held, torch.random.fork_rng(devices=()):
         gammas = {k.removesuffix(".gamma"): v for k, v in held.items() if k.endswith(".gamma")}
         styles = tuple(
             tuple(Affine(gammas[name][k], held[f"{name}.beta"][k]) for name in gammas)
             for k in range(len(next(iter(gammas.values()))))
         )
-        with torch.random.fork_rng(devices=()):
-            network = PaintNetwork()
+        network = PaintNetwork()
         hold(network, {k: v for k, v in held.items() if k.endswith(".weight")})
         return Painter(network, styles)
 

@@ -267,9 +267,8 @@ def load_picture_styles(path: Path = WEIGHTS) -> tuple[PaintNetwork, StylePredic
     Their weights come with gsedit, and they are kept in memory. Raises InputError where the file is
     missing or damaged.
     """
-    with weights_of(path) as weights:
-        with torch.random.fork_rng(devices=()):
-            network = PaintNetwork(5, contract=(8, 16, 32), expand=(16, 8), folded=True)
-            predictor = StylePredictor()
+    with weights_of(path) as weights, torch.random.fork_rng(devices=()):
+        network = PaintNetwork(5, contract=(8, 16, 32), expand=(16, 8), folded=True)
+        predictor = StylePredictor()
         hold(nn.ModuleDict({"paint": network, "predict": predictor}), weights)
         return network, predictor
