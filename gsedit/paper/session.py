@@ -225,7 +225,7 @@ class Session:
         return torch.lerp(unedited.picture(i), edited, covered)
 
     def target(self, i: int, edited: Float[Tensor, "h w 3"]) -> Float[Tensor, "h w 3"]:
-        """What the scene is fitted to, of a picture that the editor made of view i: of an edited
+        """Target of the fit by a picture that the editor made of view i: of an edited
         photo without what the groups of a large scene lose, which is no edit."""
         request = self.request
         if request.whole is not None and request.settings.condition == "photo":
