@@ -99,3 +99,12 @@ def test_public_names_are_those_imported_for_type_checkers(package):
     assert f"{module._homes[module.__all__[0]]} import" in Path(module.__file__).read_text()
     with pytest.raises(AttributeError, match="no attribute 'nonsense'"):
         _ = module.nonsense
+
+
+def test_to_read_and_paint_loads_no_compiler_of_torch():
+    done = in_turn(
+        ["import sys; from gsedit.paper.editors import make_editor; make_editor()"],
+        "from gsedit.words.read import read_instruction; read_instruction('like Van Gogh')\n"
+        "assert not {'torch._dynamo', 'sympy'} & set(sys.modules)\n",
+    )
+    assert done.returncode == 0, done.stderr

@@ -75,13 +75,14 @@ class EditorOptions:
 
         return self.settled().editor != DEFAULT
 
-    def make(self, out: Path, instruction: str | None, precision: Precision = "auto") -> Editor:
+    def make(self, out: Path, step: Instruction | None, precision: Precision = "auto") -> Editor:
         """Make the editor, which may keep files below `out`.
 
-        Raises UsageError for an option that it does not have, or an instruction that it cannot
-        follow (None: it need not follow any).
+        Raises UsageError for an option that it does not have, or a step that it cannot follow
+        (None: it need not follow any).
         """
         from gsedit.paper.editors import make_editor
+        from gsedit.paper.protocol import following
 
         editor = make_editor(
             self.settled().editor,
@@ -95,8 +96,8 @@ class EditorOptions:
             folder=out / "command",
             precision=precision,
         )
-        if instruction is not None:
-            editor.check(instruction)
+        if step is not None:
+            following(editor, step)
         return editor
 
 

@@ -201,7 +201,7 @@ def run_preview(asked: EditCommand) -> None:
     names = names_of(asked.scene, asked.masks, steps[:1])
     own = {at: value for at, value in asked.values.items() if at[0] != "strategy"}
     settings = with_values(EditSettings(), own)
-    made = partial(asked.editor.make, path.parent, first.text, settings.sampler.precision)
+    made = partial(asked.editor.make, path.parent, first, settings.sampler.precision)
     followed, gaussians = None if exact else made(), asked.load()
     say_kernel(settings.execution)
     found = resolve_cameras(asked.scene, gaussians, asked.views)
@@ -221,7 +221,7 @@ def run_preview(asked: EditCommand) -> None:
             finder = Finder(gaussians, viewpoints, settings.region, names)
             region = drawn_region(finder, first, followed)
         shown = preview_edited(
-            gaussians, first.text, viewpoints[0].camera, followed, asked.common.seed,
+            gaussians, first, viewpoints[0].camera, followed, asked.common.seed,
             settings.sampler, settings.execution, settings.edit_size, region,
         )  # fmt: skip
     save_picture(shown.picture(), path, overwrite=asked.own.force)
@@ -247,7 +247,7 @@ def run_edit(asked: EditCommand) -> EditResult | None:
         check_folder(folder, own.force or state is not None, leftovers=LEFTOVERS)
     if not exact:
         say_threads(state)
-    settings, how = asked_of_editor(asked, exact=exact)
+    settings, how = asked_of_editor(asked, next((e for e in steps if not is_exact(e)), None))
     gaussians = asked.load()
     say_kernel(settings.execution, RENDERS if exact else UPDATES)
     if not asked.editor.draws_all:
@@ -289,21 +289,20 @@ def check_apart(scene: Path, out: Path) -> None:
         raise UsageError(f"-o {out} is the folder of the scene that is edited: name another folder")
 
 
-def asked_of_editor(asked: EditCommand, *, exact: bool) -> tuple[EditSettings, dict[str, Any]]:
-    """Return the settings, and what the library is asked of a 2D editor.
+def asked_of_editor(asked: EditCommand, drawn: Words | None) -> tuple[EditSettings, dict[str, Any]]:
+    """Return the settings, and what the library is asked of a 2D editor; `drawn` is its first step.
 
     Raises UsageError for options that cannot be heeded, or a sentence that it cannot follow.
     """
     own, values = asked.own, asked.values
     settings, strategy = resolve(own.preset, values)
-    if exact or not asked.asks:
+    if drawn is None or not asked.asks:
         return settings, {}
     if idle := idle_settings(values, settings):
         print_message(f"{', '.join(idle)}: no effect where colors are solved for (--loss mse)")
     if settings.condition == "photo" and asked.views.data is None:
         raise UsageError("--condition photo shows the editor the photos: name them with --data")
-    followed = asked.instruction if asked.editor.draws_all else None
-    editor = asked.editor.make(asked.folder, followed, settings.sampler.precision)
+    editor = asked.editor.make(asked.folder, drawn, settings.sampler.precision)
     settings = at_size(settings, editor, asked.views.size if asked.sized else None)
     features = load_features(own.features)
     if own.preset == "paper" and own.features == "filters":
@@ -348,8 +347,8 @@ def write_views(views: Views, result: EditResult, folder: Path) -> None:
 
     viewpoints = viewpoints_of(views)
     write_cameras(viewpoints, folder / "cameras.json", overwrite=True)
-    edited = by_edit(viewpoints, {view.name for view in result.originals})
-    write_view_list(edited, folder / "views.json", overwrite=True)
+    measured = result.views or by_edit(viewpoints, ())
+    write_view_list(measured, folder / "views.json", overwrite=True)
 
 
 def run_and_show(

@@ -116,7 +116,7 @@ class Work:
 
         for step in read_sentence(self.instruction, drawn=self.editor.draws_all):
             if not is_exact(step):
-                self.editor.make(self.edit, step.text)
+                self.editor.make(self.edit, step)
 
     def check_no_posing(self) -> None:
         """Raise UsageError where photos that have poses are to be posed in some way."""

@@ -164,9 +164,7 @@ def check_views(against: Reference, own: MetricsOptions) -> None:
             "a list of views, or --data with the photos' folder"
         )
     if against.kind == "edit" and against.views is None and own.views is None:
-        raise UsageError(
-            f"{against.path} has neither views.json nor cameras.json: add --views with a list"
-        )
+        raise UsageError(f"{against.path} has no views.json: add --views with a list")
 
 
 def gather(

@@ -100,7 +100,7 @@ class Previewer:
         assert reading.first is not None  # what is refused has no preview
         region = drawn_region(self.finder, reading.first, editor_2d())
         found = preview_edited(
-            self.loaded.scene, reading.first.text, camera, editor_2d(),
+            self.loaded.scene, reading.first, camera, editor_2d(),
             execution=self.settings.execution, region=region,
         )  # fmt: skip
         return eight_bits(found.after.image)

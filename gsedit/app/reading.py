@@ -12,7 +12,7 @@ from gsedit.app.places import Places
 from gsedit.editing.plan import is_exact, steps_of
 from gsedit.errors import Said, UsageError, on_page
 from gsedit.paper.editors.registry import make_editor
-from gsedit.paper.protocol import Editor
+from gsedit.paper.protocol import Editor, following
 from gsedit.words.called import FILE
 from gsedit.words.instruction import MORE, Change, Instruction, sentence_of
 from gsedit.words.read import read_instruction
@@ -128,7 +128,7 @@ def read(
         steps = steps_of(instruction)
         for step in steps:
             if not is_exact(step):
-                editor_2d().check(step.text)
+                following(editor_2d(), step)
     except UsageError as error:
         return Reading(text, instruction, (), on_page(error))
     return Reading(text, instruction, steps)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Generator, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import torch
@@ -21,8 +21,8 @@ from gsedit.measures.features import FeatureExtractor
 from gsedit.paper.actions import Strategy
 from gsedit.paper.draw import EditPlan
 from gsedit.paper.editors import make_editor
-from gsedit.paper.protocol import Editor, StylePainter
-from gsedit.paper.request import Method, Request, build_request
+from gsedit.paper.protocol import Editor, StylePainter, following
+from gsedit.paper.request import Method, Request, build_request, check_strategy
 from gsedit.paper.settings import EditSettings
 from gsedit.paper.strategies.single_pass import SinglePass
 from gsedit.run.events import Checkpoint, Event
@@ -90,8 +90,8 @@ def change_steps(
         elif job is None:
             raise UsageError(f"{step}: this is drawn, and there is nothing to draw it with")
         else:
-            request = job.request(total.scene, step.text, parts.now(key_of(step.changes[0])))
-            drawing = yield from drawn(request, job.state_for(step))
+            request = job.request(total.scene, step, parts.now(key_of(step.changes[0])))
+            drawing = yield from drawn(request, job.state_for(step), watch)
             parts, total = parts.after(step.changes[0], drawing), total.then(drawing)
     return changed_by(scene, steps, parts, total, drawing, assumed(steps, finder.names))
 
@@ -106,7 +106,7 @@ def plan_edit(scene: Gaussians, sentence: str, views: Views | None = None, **how
     step = next(each for each in job.steps if not is_exact(each))
     (step,) = aimed_at((step,), job.finder.region)
     parts = find_parts((step,), job.finder, job.method.editor)
-    return explained(job.request(scene, step.text, parts.now(key_of(step.changes[0]))))
+    return explained(job.request(scene, step, parts.now(key_of(step.changes[0]))))
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,10 +130,11 @@ class Job:
         wanted = begun if begun in drawn else drawn[0]  # which refuses another edit's
         return self.resume if step.text == wanted else None
 
-    def request(self, scene: Gaussians, sentence: str, region: Region | None) -> Request:
-        """The request to draw a sentence in a region of the scene as it is then."""
+    def request(self, scene: Gaussians, step: Instruction, region: Region | None) -> Request:
+        """The request to draw a step in a region of the scene as it is then."""
         assert self.method is not None
-        return build_request(scene, sentence, self.views, region, self.settings, self.method)
+        method = replace(self.method, editor=following(self.method.editor, step))
+        return build_request(scene, step.text, self.views, region, self.settings, method)
 
 
 def prepare(
@@ -168,10 +169,11 @@ def prepare(
     method = None
     if not all(map(is_exact, steps)):
         generator = generator or torch.Generator().manual_seed(0)
+        check_strategy(strategy or SinglePass())
         method = Method(editor or make_editor(), strategy or SinglePass(), generator, features)
         for step in steps:
             if not is_exact(step):
-                method.check(step.text)
+                following(method.editor, step)
     elif editor or strategy or features or asks_editor_2d(settings):
         raise UsageError(Said(f"{sentence.strip()!r} asks for nothing that is drawn", "undrawn"))
     if names.masks is not None and drawn:

@@ -5,9 +5,10 @@ from __future__ import annotations
 
 from collections.abc import Generator
 from dataclasses import replace
+from typing import Any
 
 import torch
-from jaxtyping import Int
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from gsedit.capture.fitting.densify import divided
@@ -20,6 +21,7 @@ from gsedit.paper.skips import DISABLED, Decision, one_line
 from gsedit.paper.view_plan import survey
 from gsedit.run.events import Checkpoint, Event
 from gsedit.run.state import State
+from gsedit.run.stopwatch import Stopwatch
 from gsedit.scene.framing import finest_pixels
 from gsedit.scene.merging import MAX_GAUSSIANS, MergedScene, coarsen
 from gsedit.select.region import everything
@@ -31,17 +33,19 @@ MEASURED_VIEWS = 4
 
 
 def drawn(
-    request: Request, resume: State | None = None
+    request: Request, resume: State | None, watch: Stopwatch
 ) -> Generator[Event | Checkpoint, None, Drawing]:
     """Draw a request as `draw` does; of a large scene its groups. The drawing has all Gaussians, or
     the pieces of those that strokes are finer than."""
-    merged, few = _by_groups(request)
-    decision, events, origin = _decide(request, merged), (), None
+    origin, worth = None, None
+    with watch.stage("divide"):
+        merged, few = _by_groups(request)
+        if merged is None and request.keeps_strokes:
+            few, origin, worth = _in_pieces(request, resume)
+    decision, events = _decide(request, merged), ()
     if merged is not None:
         events = (Event("skip", 0.0, note=one_line((decision,))),)
         yield from events if resume is None else ()
-    elif request.keeps_strokes:
-        few, origin = _in_pieces(request)
     work = draw(few, resume)
     while True:
         try:
@@ -50,30 +54,38 @@ def drawn(
             drawing: Drawing = ended.value
             break
         if few is not request and isinstance(item, Checkpoint):
-            item = _of_all(item, merged, few.scene)
+            item = _of_all(item, merged, few.scene, worth)
         yield item
     evidence = drawing.evidence
     told = (decision, *evidence.decisions)
     evidence = replace(evidence, decisions=told, events=(*events, *evidence.events))
     drawing = replace(drawing, evidence=evidence)
-    return _carried(drawing, request, merged, origin)
+    with watch.stage("measure"):
+        return _carried(drawing, request, merged, origin)
 
 
 MOST_TIMES = 8
 """Times as many Gaussians as before that there are at most then, and never over MAX_GAUSSIANS."""
 
 
-def _in_pieces(request: Request) -> tuple[Request, Int[Tensor, " m"]]:
+def _in_pieces(
+    request: Request, resume: State | None
+) -> tuple[Request, Int[Tensor, " m"], Float[Tensor, " n"]]:
     """The request to draw on a scene whose Gaussians are divided where strokes are finer (standard
-    deviation: a pixel of what is drawn), and the row before of each piece."""
+    deviation: a pixel of what is drawn), the row before of each piece, and what each Gaussian was
+    worth: a checkpoint holds it, since the order of pieces depends on how renders are rounded."""
     before, region, size = request.scene, request.region, request.settings.edit_size
     cameras = [edit_camera(view.camera, size) for view in request.views]
-    worth = survey(before, cameras).amax(0) * (1.0 if region is None else region.inside)
+    seen = survey(before, cameras)
+    worth = seen.amax(0) * (1.0 if region is None else region.inside)
+    held = worth if resume is None else resume.tensors.get("worth", worth)
+    worth = held if held.shape == worth.shape else worth  # which another scene's is not
     finest = finest_pixels(before.means, cameras)
     pieces, origin = divided(before, finest, worth, min(MAX_GAUSSIANS, MOST_TIMES * len(before)))
     if region is not None:
         region = replace(region, inside=region.inside[origin])
-    return replace(request, scene=pieces, region=region), origin
+    shares = seen[:, origin] / origin.bincount()[origin]
+    return replace(request, scene=pieces, region=region, seen=shares), origin, worth
 
 
 def explained(request: Request) -> EditPlan:
@@ -95,15 +107,18 @@ def _by_groups(request: Request) -> tuple[MergedScene | None, Request]:
     region = request.region
     if region is not None:
         region = replace(region, inside=merged.majority(region.inside))
-    return merged, replace(request, scene=merged.scene, region=region)
+    return merged, replace(request, scene=merged.scene, region=region, whole=request.scene)
 
 
-def _of_all(item: Checkpoint, merged: MergedScene | None, drawn: Gaussians) -> Checkpoint:
+def _of_all(
+    item: Checkpoint, merged: MergedScene | None, drawn: Gaussians, worth: Any
+) -> Checkpoint:
     """A checkpoint whose scene has all Gaussians; that of pieces holds what does not move too."""
     if merged is not None:
         groups = item.copy_scene
         return replace(item, copy_scene=lambda: merged.transfer(groups()))
     still = {f"optimizer.value.{name}": value for name, value in vars(drawn).items()}
+    still["worth"] = worth
     return replace(item, state=replace(item.state, tensors={**still, **item.state.tensors}))
 
 
@@ -122,7 +137,9 @@ def _carried(
         told = f"{len(before):,} Gaussians are {len(after):,} now: strokes are finer than some were"
         notes = (*notes, told)
     evidence = of_the_whole(drawing.evidence, before, after if merged else None)
-    few = [request.held_out[i] for i in evenly_spaced(len(request.held_out), MEASURED_VIEWS)]
+    few = request.held_out
+    if merged is not None:
+        few = tuple(few[i] for i in evenly_spaced(len(few), MEASURED_VIEWS))
     originals = (*evidence.originals, *pictures_at(before, few))
     finals = (*evidence.finals, *pictures_at(after, few))
     own = None if merged else request.region or everything(before)

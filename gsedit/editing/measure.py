@@ -165,8 +165,9 @@ def measured(
             evidence = of_the_whole(evidence, scene, changed.scene)
         if (metrics.rmse_to_unedited or 0.0) <= LEAST_RMSE:
             notes = (*notes, HARDLY)
-    spent = {**watch.stages, **evidence.timings}
-    spent["total"] = sum(watch.stages.values()) + evidence.timings.get("total", 0.0)
+    drawing_s, total = evidence.timings, sum(watch.stages.values())
+    own = {**watch.stages, "total": total}
+    spent = {k: own.get(k, 0.0) + drawing_s.get(k, 0.0) for k in (own | drawing_s)}
     shared: dict[str, Any] = {**vars(evidence), "timings": spent}
     return EditResult(
         **shared,

@@ -20,7 +20,7 @@ from gsedit.editing.plan import key_of
 from gsedit.formats.pictures import fitted_size
 from gsedit.paper.diffusion.settings import SamplerSettings
 from gsedit.paper.guided import carry_change
-from gsedit.paper.protocol import EditBatch, Editor
+from gsedit.paper.protocol import EditBatch, Editor, following
 from gsedit.paper.session import edit_camera
 from gsedit.paper.settings import EditSettings
 from gsedit.pictures.contact_sheet import contact_sheet
@@ -129,7 +129,7 @@ def shown_by(scene: Gaussians, camera: Camera, execution: Execution) -> Bool[Ten
 @torch.no_grad()
 def preview_edited(
     scene: Gaussians,
-    prompt: str,
+    step: Instruction,
     camera: Camera,
     editor: Editor,
     seed: int = 0,
@@ -143,9 +143,9 @@ def preview_edited(
     `size`: longer side of the picture that the editor is given, as `EditSettings.edit_size`;
     `region`: what may change (None: everything).
 
-    Raises UsageError where the editor cannot follow the instruction.
+    Raises UsageError where the editor cannot follow the step.
     """
-    editor.check(prompt)
+    editor = following(editor, step)
     sampler = sampler or SamplerSettings()
     before = render_picture(scene, camera)
     declared, longest = editor.capabilities, max(camera.width, camera.height)
@@ -154,7 +154,7 @@ def preview_edited(
         shown = render_picture(scene, edit_camera(camera, size))[None]
     else:
         shown = downscale(before, *fitted_size(camera.width, camera.height, size))[None]
-    batch = EditBatch(shown, shown, prompt, seed=seed)
+    batch = EditBatch(shown, shown, step.text, seed=seed)
     *_, last = editor.edit(batch, sampler, torch.Generator().manual_seed(seed))
     assert last.images is not None  # the protocol: the last item has them
     drawn = carry_change(last.images, shown, before[None])[0].clamp(0, 1)

@@ -15,10 +15,9 @@ from gsedit.measures.agreement import Pictures
 from gsedit.measures.metrics import GIVEN, NO_TARGETS
 from gsedit.run.inputs import existing_file
 from gsedit.run.json_files import object_of, read_json
-from gsedit.views import cameras_json as recorded
 from gsedit.views import view_list_files as view_lists
 from gsedit.views.colmap import model_folder
-from gsedit.views.view_list_files import ViewList, by_edit
+from gsedit.views.view_list_files import ViewList
 from gsedit.views.view_pictures import SUFFIXES, NoPicturesError, read_view_pictures
 
 Kind = Literal["scene", "edit", "photos", "pictures"]
@@ -155,7 +154,7 @@ def _edit(folder: Path) -> Reference:
     record = read_edit_record(file)
     region, before = folder / "region.npy", folder / "region_before.npy"
     moved = before.is_file()
-    folders = (folder / TARGETS, folder / HELD_OUT)
+    folders, listed = (folder / TARGETS, folder / HELD_OUT), folder / view_lists.NAME
     return Reference(
         "edit",
         folder,
@@ -165,7 +164,7 @@ def _edit(folder: Path) -> Reference:
         edited_region=region if moved and region.is_file() else None,
         pictures=tuple(each for each in folders if each.is_dir() and any(each.rglob("*.png"))),
         alone=folder / ALONE if any((folder / ALONE).rglob("*.png")) else None,
-        views=_views(record, folder),
+        views=view_lists.read_view_list(listed) if listed.is_file() else None,
         cost=_cost(record),
     )
 
@@ -189,17 +188,6 @@ def _unedited(named: Any, folder: Path) -> Path:
             f"--views {folder / view_lists.NAME} --region {folder / 'region.npy'}"
         )
     return found
-
-
-def _views(record: Mapping[str, Any], folder: Path) -> ViewList | None:
-    """Its views.json; of an edit that has none, cameras.json at the size of the edit."""
-    if (folder / view_lists.NAME).is_file():
-        return view_lists.read_view_list(folder / view_lists.NAME)
-    file = folder / recorded.NAME
-    names = record.get("edited_views")
-    if names is None or not file.is_file():
-        return None
-    return by_edit(recorded.read_cameras(file), set(names))
 
 
 def _cost(record: Mapping[str, Any]) -> dict[str, float]:

@@ -399,8 +399,9 @@ def survey_views(
     views = request.views
     yield Event("survey", stopwatch.seconds, note=f"{len(views)} views")
     with stopwatch.stage("survey"):
-        cameras = [view.camera for view in views]
-        weights = survey(request.scene, cameras)
+        weights = request.seen
+        if weights is None:
+            weights = survey(request.scene, [view.camera for view in views])
         plan = plan or _plan(request, weights)
         scene = request.scene
         least = MOST_COEFFICIENTS if request.solves else 1

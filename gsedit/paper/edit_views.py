@@ -153,7 +153,7 @@ def _accept(
             edited.voted = True
             yield Event("region", stopwatch.seconds, step, steps, note=str(edited.region))
         for i in edited.answers if first else answers:  # earlier ones had no region yet
-            image = session.within_region(i, edited.answers[i])
+            image = session.target(i, edited.answers[i])
             edited.targets[i] = View(views[i].name, views[i].camera, image)
     find_ground_truth(session, edited.answers)
 

@@ -158,6 +158,8 @@ class Evidence:
     """The edited 2D pictures that the scene was fitted to; none where the strategy edits none."""
     finals: tuple[View, ...] = ()
     """Renders of the edited scene at the edited views."""
+    views: ViewList | None = None
+    """Every view as it was drawn and measured; None where no 2D editor drew."""
     strategy: Any = None
     """The strategy: a record of its settings."""
     strategy_name: str = "routes"
@@ -264,6 +266,7 @@ def evaluate_edit(session: Session) -> Generator[Event, None, Drawing]:
         originals=_with_pictures(views, originals, shown),
         targets=tuple(session.progress.edited.targets.values()),
         finals=_with_pictures(views, given.finals, shown),
+        views=given.views,
         strategy=request.strategy,
         strategy_name=name_of(request.strategy),
         view_plan=session.plan,
@@ -340,7 +343,7 @@ def _edit_held_out(
         start={i: session.unedited.picture(i) for i in views},
         stage=MEASURE,
     )
-    return {i: session.within_region(i, image) for i, image in zip(views, images)}
+    return {i: session.target(i, image) for i, image in zip(views, images)}
 
 
 def _edit_alone(
@@ -352,5 +355,5 @@ def _edit_alone(
     for i in views:
         start = {i: session.unedited.picture(i)}
         (image,) = yield from sample_views(session, (i,), (), None, sampler, start, MEASURE)
-        alone[i] = session.within_region(i, image)
+        alone[i] = session.target(i, image)
     return alone

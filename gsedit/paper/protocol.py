@@ -16,6 +16,7 @@ from gsedit.paper.diffusion.sampler import levels_of
 from gsedit.paper.diffusion.schedules import NoiseLevel
 from gsedit.paper.diffusion.settings import SamplerDefaults, SamplerSettings
 from gsedit.views.image_ops import PadMode
+from gsedit.words.instruction import Instruction
 
 GroundTruth = Callable[[Float[Tensor, "n h w 3"]], Float[Tensor, "n h w 3"]]
 """A map from unedited to truly edited pictures, values in [0, 1]."""
@@ -148,6 +149,22 @@ class StylePainter(Editor, Protocol):
     def stroke_batches(self) -> int:
         """Most batches of views where the settings leave it open."""
         ...
+
+    def in_styles(self, names: tuple[str, ...]) -> Editor:
+        """A painter of these styles, mixed, whatever the prompt: the sentence has been read.
+        Raises UsageError for styles that it does not have."""
+        ...
+
+
+def following(editor: Editor, step: Instruction) -> Editor:
+    """The editor as it follows a step that was read: a painter its styles, another its words.
+
+    Raises UsageError, with the next move, where it cannot.
+    """
+    if isinstance(editor, StylePainter):
+        return editor.in_styles(tuple(dict.fromkeys(each.name for each in step.changes)))
+    editor.check(step.text)
+    return editor
 
 
 @runtime_checkable

@@ -9,6 +9,8 @@ from itertools import chain
 from typing import Any
 
 import torch
+from jaxtyping import Float
+from torch import Tensor
 
 from gsedit.capture.fitting.update import check_installed
 from gsedit.errors import UsageError
@@ -64,11 +66,6 @@ class Method:
     features: FeatureExtractor | None = None
     """Features that the Gram loss compares; None: a bank of oriented filters."""
 
-    def check(self, prompt: str) -> None:
-        """Raise UsageError for a strategy that is none, or a sentence it cannot follow."""
-        check_strategy(self.strategy)
-        self.editor.check(prompt)
-
 
 @dataclass(frozen=True, eq=False)
 class Request:
@@ -89,6 +86,10 @@ class Request:
     generator: torch.Generator
     region: Region | None = None
     """The Gaussians of `scene` that may change; None: the edited views will tell."""
+    seen: Float[Tensor, "v n"] | None = None
+    """How much each of `views` sees of each Gaussian; None: a survey will tell."""
+    whole: Gaussians | None = None
+    """The scene of which `scene` holds the groups; None: it is itself whole."""
 
     @property
     def solves(self) -> bool:
@@ -122,13 +123,8 @@ def build_request(
     settings: EditSettings,
     method: Method,
 ) -> Request:
-    """The request of an edit.
-
-    Raises UsageError for an instruction the editor cannot follow, or a strategy that is no
-    dataclass.
-    """
+    """The request of an edit; the editor follows the prompt. Raises UsageError without views."""
     strategy, scene = method.strategy, scene.detach()
-    method.check(prompt)
     check_installed(settings.update)
     editor = method.editor
     size = _edit_size(settings, editor)

@@ -224,6 +224,15 @@ class Session:
         covered = unedited.coverage(region, i)[..., None].to(edited)
         return torch.lerp(unedited.picture(i), edited, covered)
 
+    def target(self, i: int, edited: Float[Tensor, "h w 3"]) -> Float[Tensor, "h w 3"]:
+        """Target of the fit by a picture that the editor made of view i: of an edited
+        photo without what the groups of a large scene lose, which is no edit."""
+        request = self.request
+        if request.whole is not None and request.settings.condition == "photo":
+            whole = render_picture(request.whole, request.every_view[i].camera)
+            edited = (edited + (self.unedited.picture(i) - whole).to(edited)).clamp(0, 1)
+        return self.within_region(i, edited)
+
     def all_bands(self) -> Gaussians:
         """A copy of the scene as it is now, with all its bands."""
         edited = self.scene

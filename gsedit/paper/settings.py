@@ -16,6 +16,10 @@ SMALLEST_EDIT_PIXELS = 16
 """Least longer side of an edited picture, as of the smallest view: editors need that much."""
 
 
+FINEST = 0.4
+"""Least width of strokes: views of 960 pixels. Finer ones take minutes a view, and gigabytes."""
+
+
 @dataclass(frozen=True)
 class EditSettings:
     """Everything that decides an edit but the scene, the instruction, the editor, the strategy
@@ -56,8 +60,8 @@ class EditSettings:
     ones, and the change is carried to full size; a network of --editor diffusers also edits large
     ones of smaller views. None: what the editor was made for."""
     brush: float = field(default=1.0, metadata={"flag": "--brush"})
-    """Width of the strokes of --editor painter, from 0.1 to 10 times the usual: the larger, the
-    smaller the pictures that it paints."""
+    """Width of the strokes of --editor painter, from 0.4 to 10 times the usual: the larger, the
+    smaller the pictures that it paints; at 1 they have 384 pixels."""
     region: str = field(default="auto", metadata={"flag": "--region"})
     """The region that may change. auto: the subject if the instruction is about it, else
     everything; all: everything; box:x0,y0,z0,x1,y1,z1 or sphere:x,y,z,r in the coordinates of the
@@ -83,8 +87,8 @@ class EditSettings:
             )
         if min(self.views_per_batch, self.most_batches) < 1:
             raise UsageError("views and batches must be 1 or more")
-        if not 0.1 <= self.brush <= 10:
-            raise UsageError(f"brush is {self.brush:g}: give a number from 0.1 to 10")
+        if not FINEST <= self.brush <= 10:
+            raise UsageError(f"brush is {self.brush:g}: give a number from {FINEST} to 10")
         if min(self.held_out_edits, self.anchors) < 0:
             raise UsageError("held-out edits and anchors must be 0 or more")
         if not self.checkpoint_seconds >= 0:

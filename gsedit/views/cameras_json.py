@@ -76,7 +76,7 @@ def recorded_viewpoints(scene: Gaussians, file: Path | None, size: int) -> tuple
     if file is None:
         return ()
     found = viewpoints_near(same_size(read_cameras(file), size), scene)
-    return found if that_see(thinned(found, 16), scene) else ()
+    return found if any(that_see((each,), scene) for each in thinned(found, 16)) else ()
 
 
 def write_cameras(

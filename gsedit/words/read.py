@@ -7,17 +7,14 @@ Loads torch when it reads.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Collection
 
 from gsedit.errors import Said
 from gsedit.words.called import called
-from gsedit.words.instruction import Change, Instruction, Target
-from gsedit.words.lexicon import LIKE, styles
+from gsedit.words.instruction import Instruction
 from gsedit.words.marks.heard import heard
-from gsedit.words.phrases import DEFINITE, with_base, without_base
+from gsedit.words.phrases import with_base, without_base
 from gsedit.words.refusals import Refused, first_refusal, reason
-from gsedit.words.scan import scanned
 from gsedit.words.written import is_written, written
 
 
@@ -36,8 +33,6 @@ def read_instruction(
     if (bare := without_base(sentence)) != sentence:
         read = read_instruction(bare, saved, accept_unread=accept_unread)
         return with_base(read, sentence)
-    if steps := _steps(sentence):
-        return Instruction(sentence, True, "; ".join(map(str, steps)), steps)
     try:
         if kind := first_refusal(sentence):
             raise Refused(kind)
@@ -51,32 +46,3 @@ def read_instruction(
         return Instruction(sentence, True, why, changes, unread=left)
     why = Said(f"read: {why}; this is not sure. Run it so?", "unread")
     return Instruction(sentence, False, why, (), "unread", (sentence,))
-
-
-STEP = re.compile(r"(?P<but>(?:all|everything) but )?(?P<part>.+?) in the style of (?P<style>.+)")
-"""A painted step, as the program calls it."""
-PARTS: dict[str, Target] = {
-    "the whole scene": "scene", "the background": "background", "the subject": "subject",
-}  # fmt: skip
-NAMING = frozenset(
-    ("subject", "unknown", "part", "color", "direction", "shape", "number", "ground")
-)
-"""Kinds of words that a thing is called by; a sentence of a person has others beside them."""
-
-
-def _steps(sentence: str) -> tuple[Change, ...]:
-    """Changes of painted steps as the program itself calls them; none for any other sentence."""
-    found = list[Change]()
-    for each in sentence.split("; "):
-        match = STEP.fullmatch(each)
-        if match is None or match["style"] not in (*styles(), LIKE):
-            return ()
-        part = match["part"]
-        if part not in PARTS and not all(
-            word.kind in NAMING or word.text in DEFINITE for word in scanned(part)
-        ):
-            return ()
-        target = "background" if match["but"] else PARTS.get(part, "subject")
-        phrase = "" if part in PARTS else part
-        found.append(Change(target, "look", match["style"], None, None, "style", phrase))
-    return tuple(found)

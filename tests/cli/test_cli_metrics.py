@@ -49,6 +49,17 @@ def test_two_people_measure_the_same(folder, tmp_path):
     assert read_view_list(views).roles == read_view_list(folder / "out" / "views.json").roles
 
 
+def test_the_folder_of_a_painting_measures_what_the_painting_told(folder, tmp_path):
+    larger = "--size", 48, "--set", "edit_size=64"
+    answer("edit", folder / "room.ply", "as a woodcut", *larger, "-o", tmp_path / "out")
+    told = json.loads((tmp_path / "out" / "edit.json").read_text())["measured"]
+    measured = answer("metrics", tmp_path / "out")["measured"]
+    for name in ("psnr_to_targets", "psnr_to_edits_alone", "psnr_to_unedited", "rmse_to_unedited"):
+        for role, own in told[name].items():
+            same = {"value": pytest.approx(own["value"], rel=5e-3), "views": own["views"]}
+            assert {**measured[name][role], **same} == measured[name][role], name
+
+
 def test_pictures_by_the_names_of_the_views(folder):
     out = folder / "out"
     pictures = out / "targets"

@@ -139,6 +139,7 @@ REFUSED = """
 3 | edit scene.ply 'remove the hat' --data photos -o out | another order
 2 | EDIT -o out --editor closed-form --features gone.pth | filters or vgg
 2 | edit scene.ply 'paint it red' --steps 3 -o out | nothing that is drawn
+2 | edit scene.ply 'as a woodcut' --brush 0.3 -o out | brush is 0.3: give a number from 0.4 to 10
 2 | edit scene.ply 'as a hologram' -o out | graffiti and nocturne
 2 | edit scene.ply 'in the style of Giacometti' -o out | the nearest are
 2 | edit scene.ply 'in the style of this picture' -o out | --like

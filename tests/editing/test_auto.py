@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 import tiny_edits
 import torch
@@ -12,7 +10,6 @@ import gsedit
 from gsedit.editing.plan import read_steps
 from gsedit.errors import UsageError
 from gsedit.paper.editors import make_editor, make_masks
-from gsedit.paper.settings import EditSettings
 from gsedit.select.finder import Names
 
 
@@ -26,26 +23,6 @@ def test_python_edits_by_the_route_of_the_sentence(tmp_path):
     assert len(result.held_out.finals) == 2  # of nine views
     gsedit.write_edit(tmp_path / "out", result)
     assert (tmp_path / "out" / "edit.json").is_file()
-
-
-def test_painters_take_turns_in_the_order_of_the_sentence(tmp_path):
-    scene, data = tiny_edits.scene(), tiny_edits.data()
-    words = "make it 20% brighter; turn it into an impressionist painting; make it black and white"
-    quick = replace(tiny_edits.SETTINGS, region="all")
-    steps = read_steps(words)
-    assert [[each.route for each in step.changes] for step in steps] == [
-        ["tone"], ["style"], ["tone"],
-    ]  # fmt: skip
-    result = gsedit.edit(scene, words, data, settings=EditSettings(region=quick.region))
-    gray = result.held_out.finals[0].image
-    assert result.targets
-    assert float((result.targets[0].image - gray.mean()).abs().mean()) > 0.02
-    sh = result.scene.sh
-    assert float((sh - sh.mean(-1, keepdim=True)).abs().max()) < 1e-5
-    assert result.understood is not None
-    assert len(result.understood.changes) == 3
-    assert {"find", "change", "sample", "measure"} <= set(result.timings)
-    gsedit.write_edit(tmp_path / "out", result)
 
 
 def test_masks_are_refused_where_a_2d_editor_draws():

@@ -11,10 +11,11 @@ from gsedit.errors import UsageError
 from gsedit.paper.diffusion.settings import SamplerSettings
 from gsedit.paper.editors import EditBatch, make_editor
 from gsedit.scene.color_space import LUMINANCE
+from gsedit.words.lexicon import LIKE
 from rasterizer.render import render
 
 PROMPT = "like van gogh"
-GIVEN = "in the style of this picture"
+VAN_GOGH = "starry night painting"
 
 
 def pictures(count, side=32, seed=0):
@@ -24,8 +25,8 @@ def pictures(count, side=32, seed=0):
     return torch.nn.functional.interpolate(noise, scale_factor=8, mode="bilinear").movedim(1, -1)
 
 
-def painted(editor, originals, prompt=PROMPT, **how):
-    batch = EditBatch(originals, originals, prompt, **how)
+def painted(editor, originals, *names):
+    batch, editor = EditBatch(originals, originals, ""), editor.in_styles(names or (VAN_GOGH,))
     (step,) = editor.edit(batch, SamplerSettings(), torch.Generator())
     return step.images
 
@@ -34,8 +35,11 @@ def close(a, b, tolerance=1e-4):
     torch.testing.assert_close(a, b, rtol=0, atol=tolerance)
 
 
-def test_a_view_is_painted_alike_in_any_batch():
+def test_a_view_is_painted_alike_in_any_batch_and_precision():
     views, editor = pictures(4), make_editor("painter")
+    double = painted(editor, views[:1].double())
+    assert double.dtype == torch.float64
+    close(double.float(), painted(editor, views[:1]))
     close(painted(editor, views), torch.cat([painted(editor, view[None]) for view in views]))
 
 
@@ -63,20 +67,20 @@ def test_a_picture_gives_the_style(tmp_path):
     path = tmp_path / "waves.png"
     Image.fromarray((pictures(1, 64, seed=1)[0] * 255).byte().numpy()).save(path)
     editor, views = make_editor("painter", like=path), pictures(1)
-    editor.check(GIVEN)
     assert editor.name == "painter, like waves.png"
-    assert (painted(editor, views, GIVEN) - views).abs().mean() > 0.01
+    assert (painted(editor, views, LIKE) - views).abs().mean() > 0.01
     with pytest.raises(UsageError, match="is not the style of waves"):
-        editor.check(PROMPT)
+        editor.in_styles((VAN_GOGH,))
     with pytest.raises(UsageError, match="--like"):
-        make_editor("painter").check(GIVEN)
+        make_editor("painter").in_styles((LIKE,))
+    with pytest.raises(UsageError, match="in_styles"):
+        make_editor("painter").check(PROMPT)
 
 
 def test_styles_that_are_named_together_are_mixed():
     editor, views = make_editor("painter"), pictures(1)
     first, second, both = (
-        painted(editor, views, words)
-        for words in ("a woodcut", "a comic", "a mix of woodcut and comic")
+        painted(editor, views, *names) for names in (("woodcut",), ("comic",), ("woodcut", "comic"))
     )
     assert min((both - first).abs().mean(), (both - second).abs().mean()) > 0.01
 

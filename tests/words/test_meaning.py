@@ -205,6 +205,12 @@ def test_a_shadow_is_no_object():
         meant(asked("light", name="the shadows", value="night", value_sure=0.9))
 
 
+def test_long_shadows_are_those_of_a_low_sun():
+    told = "give it long evening shadows", "make the shadows longer", "moonlight with long shadows"
+    read = [[change.name for change in read_instruction(each).changes] for each in told]
+    assert read == [["sunset"], ["sunset"], ["moonlight"]]
+
+
 @pytest.mark.parametrize("why", REASONS.values())
 def test_what_a_refusal_offers_is_read(why):
     for offered in re.findall(r"(?:as in |\()'([^']+ [^']+)'", why):

@@ -32,13 +32,13 @@ from gsedit.measures.features import FilterBank
 from gsedit.measures.perceptual import perceptual_distance
 from gsedit.paper.consistency.consensus import consensus
 from gsedit.paper.consistency.correspond import Correspondences, correspond
-from gsedit.paper.editors.painter.editor import Painter, styles_asked
+from gsedit.paper.editors.painter.editor import Painter
 from gsedit.paper.editors.painter.network import painted
 from gsedit.paper.session import render_with_depth
 from gsedit.paper.view_plan import random_plan
 from gsedit.views.dataset import View
 from gsedit.views.image_ops import pad_camera, pad_to_multiple
-from gsedit.words.lexicon import styles
+from gsedit.words.read import read_instruction
 from rasterizer.numerics import SH_DC
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
@@ -181,7 +181,7 @@ class Bench:
         def agree(block: int, x: Tensor) -> Tensor:
             return consensus(x, matches.labels) if matches and block <= blocks else x
 
-        style = self.painter.styles[styles()[styles_asked(self.style)[0]]]
+        style = self.painter.in_styles((read_instruction(self.style).changes[0].name,)).asked
         return painted(self.painter.network, torch.stack(list(pictures)), style, agree)
 
     def _start(

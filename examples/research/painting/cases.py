@@ -22,13 +22,13 @@ from gsedit.measures.agreement import Matches, compare_points, matchable, spread
 from gsedit.measures.formulas import psnr
 from gsedit.measures.losses import gram
 from gsedit.measures.perceptual import INSTALL, perceptual_distance, vgg_features
-from gsedit.paper.editors.painter.editor import Painter, styles_asked
+from gsedit.paper.editors.painter.editor import Painter
 from gsedit.paper.editors.painter.network import SIDE, load_picture_styles, painted
 from gsedit.paper.view_plan import plan_views, survey, wholeness
 from gsedit.scene.picture import render_picture
 from gsedit.views.cameras_json import cameras_file, read_cameras
 from gsedit.views.viewpoints import same_size, thinned
-from gsedit.words.lexicon import styles
+from gsedit.words.read import read_instruction
 from rasterizer.camera import Camera
 from rasterizer.scene import Gaussians
 
@@ -145,7 +145,7 @@ class Meter:
         if distance is None:
             raise UsageError(f"the perceptual distance is not installed: {INSTALL}")
         self.case, self.distance = case, distance
-        affine = painter.styles[styles()[styles_asked(style)[0]]]
+        affine = painter.in_styles((read_instruction(style).changes[0].name,)).asked
         alone = [painted(painter.network, case.unedited[i][None], affine) for i in case.held]
         self.truth = torch.cat(alone)
         self.energy = energy(list(self.truth))

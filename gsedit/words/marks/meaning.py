@@ -38,6 +38,10 @@ SUBJECT = re.compile(r"^(?:the )?(?:subject|main thing|main object)$")
 """Phrases of the subject."""
 SOLID = ("material", "paint", "growth", "object")
 MADE = ("the clone", "the new one", "the duplicate", "the second one", "the copied one")
+LONG = re.compile(
+    r"\blong(?:er)?(?: \w+){0,2} shadows?\b|\bshadows?(?: \w+){0,2} longer\b", re.IGNORECASE
+)
+"""Shadows of a low sun."""
 LIT = re.compile(r"\b(?:only|just|alone|solely)\b", re.IGNORECASE)
 """Words that make of a light on a thing a light on that thing alone."""
 
@@ -93,8 +97,22 @@ def _refuse_two(changes: Sequence[Change]) -> None:
         raise Refused("two")
 
 
+def _low_sun(asked: Asked, text: str) -> Change | None:
+    """The light that long shadows are asked for by; None where another is named beside them."""
+    of_shadows = asked.deed in ("light", "other") or (asked.deed, asked.tone) == ("tone", "shadows")
+    if not of_shadows or not LONG.search(text):
+        return None
+    named = None if LONG.search(asked.name) else values.light(asked.name)
+    if named is not None and (named.name != "dusk" or "dusk" in asked.name):
+        return None  # "evening" alone is dusk, when the sun casts none
+    side = asked.side if " from " in text else ""  # a shadow behind it is of light in front
+    return values.light("low sun", side, asked.degree)
+
+
 def _change(asked: Asked, text: str) -> Change:
     """A change, of its usual part. Raises Refused."""
+    if found := _low_sun(asked, text):
+        return found
     match asked.deed:
         case "tone":
             return _toned(asked, text)

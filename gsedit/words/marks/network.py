@@ -100,8 +100,9 @@ class Marker(nn.Module):
         """Scores by name: of the classes [n, change, class]; "ends" [n, change, first and last of
         each of SPANS, piece], the piece 0 for none; "kept" [n, piece, class]; "refused" [n, 2]."""
         states = self.drop(self.encoder(ids, seen))
+        padding = None if seen.all() else ~seen  # to check one, torch loads sympy: 0.3 s
         asked = self.decoder(
-            self.changes.expand(len(ids), -1, -1), states, memory_key_padding_mask=~seen
+            self.changes.expand(len(ids), -1, -1), states, memory_key_padding_mask=padding
         )
         ends = self.ends(asked).unflatten(-1, (2 * len(SPANS), WIDTH))
         scores = torch.einsum("nkec,ntc->nket", ends, self.keys(states)) / math.sqrt(WIDTH)
@@ -119,7 +120,7 @@ def trained() -> tuple[Marker, tuple[str, ...]]:
     with safe_open(WEIGHTS, "pt") as file:
         values = tuple(file.metadata()["values"].split("|"))
         stored = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-    with torch.device("meta"):
+    with torch.random.fork_rng(devices=()):  # on "meta" torch loads its compiler: a second
         network = Marker(len(values))
     network.load_state_dict(whole(stored), assign=True)
     return network.eval().requires_grad_(False), values

@@ -37,9 +37,6 @@ from gsedit.views.around import score_render
 from gsedit.views.dataset import evenly_spaced
 from gsedit.views.viewpoints import Viewpoint
 from gsedit.words.lexicon import LIKE, styles
-from gsedit.words.read import read_instruction
-from gsedit.words.refusals import no_style
-from gsedit.words.scan import scanned
 from rasterizer.scene import Gaussians
 
 WEIGHTS = Path(__file__).with_name("styles.safetensors")
@@ -52,7 +49,7 @@ BATCHES = 6
 
 @dataclass(frozen=True, eq=False)
 class Painter:
-    """An Editor: every view is painted in the style that the sentence asks for, or of a picture."""
+    """An Editor: every view is painted in the styles asked for, or in that of a picture."""
 
     network: PaintNetwork
     styles: tuple[tuple[Affine, ...], ...]
@@ -63,6 +60,8 @@ class Painter:
     """How far pictures go to the style, from 0 to 1."""
     keep_colors: bool = False
     """Whether only the brightness of pictures is painted."""
+    asked: tuple[Affine, ...] = ()
+    """Affine maps of what is painted, which `in_styles` gives."""
     cell: int = CELL
     stroke_batches: int = BATCHES
 
@@ -83,56 +82,32 @@ class Painter:
         return Capabilities(best_size=BRUSH, enlarges=True)
 
     def check(self, prompt: str) -> None:
-        """Raise UsageError for a sentence that asks for no style."""
-        self._style(prompt)
+        """Raise UsageError where no style was given: it reads no prompt."""
+        if not self.asked:
+            raise UsageError(f"{prompt!r}: the painter reads no words, tell it by `in_styles`")
+
+    def in_styles(self, names: tuple[str, ...]) -> Painter:
+        """The painter of these styles, mixed; `LIKE` is that of the picture. Raises UsageError for
+        a picture that there is none of, and for others where there is one."""
+        named = [name for name in names if name != LIKE]
+        if not self.like and len(named) < len(names):
+            raise UsageError(Said("no picture is given", "like"))
+        if self.like and named:
+            raise UsageError(Said(f"{named[0]} is not the style of {self.like}", "unlike"))
+        maps = [self.styles[styles()[name]] for name in named] or [self.styles[0]]
+        return replace(self, asked=mixed(maps, [1.0] * len(maps)))
 
     @torch.no_grad()
     def edit(
         self, batch: EditBatch, settings: SamplerSettings, generator: torch.Generator
     ) -> Iterator[EditProgress]:
         """Paint the originals; none is anchored to another. Raises UsageError as `check`."""
+        self.check(batch.prompt)
         originals = batch.originals
-        change = painted(self.network, originals, self._style(batch.prompt)) - originals
+        change = painted(self.network, originals, self.asked) - originals
         if self.keep_colors:
             change = (change @ change.new_tensor(LUMINANCE))[..., None]
         yield EditProgress(1, 1, (originals + self.strength * change).clamp(0, 1))
-
-    def _style(self, prompt: str) -> tuple[Affine, ...]:
-        """The affine maps that a sentence asks for. Raises UsageError."""
-        asked = styles_asked(prompt)
-        numbers = [styles()[name] for name in asked if name != LIKE]
-        if not self.like and len(numbers) < len(asked):
-            raise UsageError(Said(f"{prompt!r} names no picture", "like"))
-        if self.like and numbers:
-            raise UsageError(Said(f"{asked[0]} is not the style of {self.like}", "unlike"))
-        return mixed([self.styles[k] for k in numbers or [0]], [1.0] * max(len(numbers), 1))
-
-
-def styles_asked(sentence: str) -> tuple[str, ...]:
-    """Names of the styles that a sentence asks for, to be mixed; `LIKE` for that of a picture that
-    is given beside the sentence.
-
-    Raises UsageError for a sentence that asks for something else, styles of several parts, or is
-    refused.
-    """
-    read = read_instruction(sentence)
-    told = [each.rpartition(" in the style of ")[2] for each in sentence.split("; ")]
-    denied = any(word.kind in ("not", "drop") for word in scanned(sentence))
-    if not read.known and not denied and styles().keys() >= set(told):
-        return tuple(told)  # of a part whose name only the scene knows
-    if not read.known:
-        raise UsageError(f"{sentence.strip()!r}: {read.why}")
-    others = [change for change in read.changes if change.route != "style"]
-    if others and others[0].route == "pix2pix":
-        raise UsageError(no_style(others[0].name))
-    if others:
-        raise UsageError(
-            f"{others[0]}: this is no painting style, and is done without a 2D editor: leave "
-            "--editor out"
-        )
-    if len({change.part for change in read.changes}) > 1:
-        raise UsageError(f"{sentence.strip()!r} asks for styles of several parts: say one part")
-    return tuple(dict.fromkeys(change.name for change in read.changes))
 
 
 def make_painter(
@@ -158,14 +133,13 @@ def load_painter(path: Path = WEIGHTS) -> Painter:
 
     Raises InputError where the file is missing or damaged.
     """
-    with weights_of(path) as held:
+    with weights_of(path) as held, torch.random.fork_rng(devices=()):
         gammas = {k.removesuffix(".gamma"): v for k, v in held.items() if k.endswith(".gamma")}
         styles = tuple(
             tuple(Affine(gammas[name][k], held[f"{name}.beta"][k]) for name in gammas)
             for k in range(len(next(iter(gammas.values()))))
         )
-        with torch.device("meta"):
-            network = PaintNetwork()
+        network = PaintNetwork()
         hold(network, {k: v for k, v in held.items() if k.endswith(".weight")})
         return Painter(network, styles)
 

@@ -122,10 +122,10 @@ def painted(
     style: Sequence[Affine],
     agree: Agree | None = None,
 ) -> Float[Tensor, "v h w 3"]:
-    """Pictures of any size as a network paints them, sRGB in [0, 1]."""
+    """Pictures of any size as a network paints them, sRGB in [0, 1]; it computes in float32."""
     height, width = pictures.shape[1:3]
-    whole = pad_to_multiple(pictures, CELL, "mirror").movedim(-1, 1)
-    return network(whole, style, agree).movedim(1, -1)[:, :height, :width]
+    whole = pad_to_multiple(pictures.float(), CELL, "mirror").movedim(-1, 1)
+    return network(whole, style, agree).movedim(1, -1)[:, :height, :width].to(pictures)
 
 
 @contextmanager
@@ -151,7 +151,7 @@ def weights_of(path: Path) -> Iterator[dict[str, Tensor]]:
 
 
 def hold(network: nn.Module, weights: dict[str, Tensor]) -> None:
-    """Give a network, made on the device "meta", its weights, of which none will learn."""
+    """Give a network its weights, of which none will learn."""
     network.load_state_dict(weights, assign=True)
     network.eval().requires_grad_(False)
 
@@ -267,9 +267,8 @@ def load_picture_styles(path: Path = WEIGHTS) -> tuple[PaintNetwork, StylePredic
     Their weights come with gsedit, and they are kept in memory. Raises InputError where the file is
     missing or damaged.
     """
-    with weights_of(path) as weights:
-        with torch.device("meta"):
-            network = PaintNetwork(5, contract=(8, 16, 32), expand=(16, 8), folded=True)
-            predictor = StylePredictor()
+    with weights_of(path) as weights, torch.random.fork_rng(devices=()):
+        network = PaintNetwork(5, contract=(8, 16, 32), expand=(16, 8), folded=True)
+        predictor = StylePredictor()
         hold(nn.ModuleDict({"paint": network, "predict": predictor}), weights)
         return network, predictor
