@@ -178,10 +178,12 @@ def _without(region: Region, change: Change, found: Mapping[str, Region]) -> Reg
 
 
 def unknown_nouns(changes: Sequence[Change], names: Names) -> list[str]:
-    """Nouns alone that no name is, but for those that something is put on, as on a table."""
+    """Nouns alone that no name is, but for what carries things, as a table, where it stays: it goes
+    with all that is on it."""
     on = {change.place.of for change in changes if change.place and change.place.side == "on"}
+    goes = {change.phrase for change in changes if change.route == "object"} - on
     nouns = [each for each in _phrases(changes) if is_noun(each) and not names.knows(each)]
-    return [each for each in nouns if each not in on & CARRIERS]
+    return [each for each in nouns if each not in CARRIERS or each in goes]
 
 
 def taken_nouns(changes: Sequence[Change], names: Names) -> list[str]:

@@ -43,8 +43,9 @@ TOUCHING = 0.15
 no camera sees under an object has no Gaussians."""
 LOOSE = 0.25
 """Largest gap of what hovers beside a larger object and is a part of it, of that one's extent."""
-JOINED = 0.02
-"""Largest gap between a leg and what it carries, of the extent of that."""
+JOINED, ACROSS, SLIGHT = 0.02, 24, 0.5
+"""Largest gap between a leg and what it carries, of the extent of that; cells along that, and most
+that legs under it cover, of those that it covers."""
 SKY_ELEVATION, SKY_DISTANCE = 8.0, 2.5
 """Degrees above the horizon, and distances of the cameras, from which the background may be sky."""
 SKY_LIGHT, SKY_WARMTH = 0.4, 0.04
@@ -288,25 +289,45 @@ def _with_hovering(
     size = {i: extent_of(points[rows[i]]) if len(rows[i]) else 0.0 for i in things}
     for small in sorted(things, key=lambda i: size[i]):
         gaps = {
-            large: k_nearest(points[rows[large]], points[rows[small]], 1)[0].min() / size[large]
+            large: _gap(surfaces, rows[small], rows[large], leg=bool(under[small] >= 0))
+            / size[large]
             for large in things
             if size[large] > size[small] > 0
-            and (under[small] < 0 or _is_leg(surfaces, rows[small], rows[large]))
-            and under[large] != small
+            and (
+                under[large] != small
+                if under[small] < 0
+                else _is_leg(surfaces, rows[small], rows[large])
+            )
         }
         if gaps and min(gaps.values()) < (LOOSE if under[small] < 0 else JOINED):
             labels = np.where(labels == small, min(gaps, key=lambda i: gaps[i]), labels)
     return labels
 
 
+def _gap(
+    surfaces: Surfaces, small: Int[np.ndarray, " m"], large: Int[np.ndarray, " k"], *, leg: bool
+) -> float:
+    """Distance between two things; of a leg, from its upper half to what is above its middle,
+    beyond two distances between neighbors."""
+    middle = np.median(surfaces.heights[small]) if leg else -np.inf
+    small, large = (each[surfaces.heights[each] >= middle] for each in (small, large))
+    if not len(large):
+        return np.inf
+    far = k_nearest(surfaces.points[large], surfaces.points[small], 1)[0].min()
+    return float(far - 2 * leg * np.sqrt(np.median(surfaces.areas[small])))
+
+
 def _is_leg(surfaces: Surfaces, small: Int[np.ndarray, " m"], large: Int[np.ndarray, " k"]) -> bool:
-    """Whether something stands wholly under something else, which goes down as far beside it."""
+    """Whether something stands wholly under something else, which goes down as far beside it or is
+    much wider: legs and beams under a top, and no plinth under a statue."""
     front = surfaces.place.front.numpy()
     axes = np.stack((front, np.cross(surfaces.up, front), surfaces.up), 1)
-    (low, high), (least, most) = (
-        np.quantile(surfaces.points[rows] @ axes, (TAIL, 1 - TAIL), 0) for rows in (small, large)
-    )
-    return bool((high < most).all() and (low > least)[:2].all() and least[2] < (low + high)[2] / 2)
+    leg, top = (surfaces.points[rows] @ axes for rows in (small, large))
+    (low, high), (least, most) = (np.quantile(each, (TAIL, 1 - TAIL), 0) for each in (leg, top))
+    step = extent_of(surfaces.points[large]) / ACROSS
+    narrow, wide = (len(np.unique(each[:, :2] // step, axis=0)) for each in (leg, top))
+    under = (high < most).all() and (low > least)[:2].all()
+    return bool(under and (least[2] < (low + high)[2] / 2 or narrow < SLIGHT * wide))
 
 
 # ---- pieces by color, by which things of one body are told apart that touch ----------------------

@@ -21,9 +21,6 @@ FLAGS = np.array([True, False, True, True, False, False])
 def test_a_name_is_found_however_it_is_said(tmp_path, name):
     made = save_named(FLAGS, MEANS, tmp_path / "a.ply", "The Chair")
     assert saved_file(tmp_path / "a.ply", name) == made
-
-
-def test_marks_in_a_name_are_blanks():
     assert key_of_name("left_leg-2") == key_of_name("the Left leg 2") == "left leg 2"
 
 

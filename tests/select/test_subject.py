@@ -9,11 +9,19 @@ import torch
 from labelled import statue
 from regions_iou import iou
 
+from gsedit.bench.synthetic.paint import parts, plain
+from gsedit.bench.synthetic.scene import SyntheticScene
+from gsedit.bench.synthetic.shapes import capsule, cylinder, translate, union
+from gsedit.bench.synthetic.splats import surface_gaussians
+from gsedit.editing.parts import find_parts
+from gsedit.editing.plan import read_steps
 from gsedit.errors import InputError
+from gsedit.select.finder import Finder
 from gsedit.select.region import Region, coverage, lift
 from gsedit.select.subject import SIDE, block_under, find_subject, load_network, salient
 from gsedit.select.surfaces import look
 from gsedit.views.orbit import circle
+from gsedit.views.viewpoints import Viewpoint
 
 SIZE = 64
 ONNX = Path(__file__).parents[3] / "shared/data/weights/u2netp.onnx"
@@ -144,3 +152,23 @@ def test_a_table_stands_on_no_block(surfaces):
     assert not block_under(made, np.ones(len(part), bool)).any()
     column, _ = standing(surfaces, [(0.5, 0.0, 2.0, 0.0)])
     assert not block_under(column, np.ones(len(column), bool)).any()
+
+
+def test_a_table_has_its_legs_and_takes_along_what_is_on_it_only_where_it_goes():
+    feet = [(x, y) for x in (-0.4, 0.4) for y in (-0.4, 0.4)]
+    legs = union(*(capsule((x, y, -0.5), (x, y, -0.02), 0.04) for x, y in feet))
+    shapes = (
+        translate(cylinder(1.5, 0.06), (0, 0, -0.56)), translate(cylinder(0.7, 0.03), (0, 0, 0.01)),
+        legs, translate(cylinder(0.12, 0.15), (0, 0, 0.19)),
+    )  # fmt: skip
+    colors = ((0.42, 0.5, 0.3), (0.6, 0.45, 0.3), (0.15, 0.1, 0.08), (0.85, 0.85, 0.9))
+    paint, up = parts(*zip(shapes, map(plain, colors))), torch.eye(3).double()[2]
+    made = SyntheticScene("table", union(*shapes), paint, torch.full((3,), 0.8).double(), 1.7, up)
+    scene = surface_gaussians(made, 8000, torch.Generator().manual_seed(0))
+    of = torch.stack([shape(scene.means.double()) for shape in shapes]).argmin(0)
+    ring = circle(-0.2 * up, 1.2, up, 12, 96, elevation=22.0, fov=45.0)
+    finder = Finder(scene, [Viewpoint(str(i), each) for i, each in enumerate(ring)])
+    for text, along in (("turn the table into bronze", 0), ("remove the table", 1)):
+        inside = find_parts(read_steps(text), finder).flags["the table"].float()
+        ground, top, leg, vase = (float(inside[of == i].mean()) for i in range(4))
+        assert (ground, top > 0.95, leg > 0.3, vase) == (0, True, True, along)

@@ -7,12 +7,10 @@ its mirror image, parts that a selection missed, what stands between its feet or
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 import torch
 from jaxtyping import Bool, Float, Float64, Int
-from scipy import ndimage
 from torch import Tensor
 
 from gsedit.change.objects.removal.cells import (
@@ -25,7 +23,7 @@ from gsedit.change.objects.removal.cells import (
 from gsedit.scene.neighbors import extent_of, k_nearest, linked
 from gsedit.scene.planes import Plane
 from gsedit.select.layers import numbered
-from gsedit.select.segment import segment_surfaces
+from gsedit.select.segment import Segments
 from gsedit.select.subject import block_under
 from gsedit.select.surfaces import Surfaces
 
@@ -193,8 +191,9 @@ def _share(
     return float(np.isfinite(k_nearest(images, points, 1, NEAR * extent)[0]).mean())
 
 
-LOW_PART = 0.12
-"""Height over the ground up to which parts lie between the feet of an object, of its extent."""
+CELL, LOW_PART = 0.04, 0.12
+"""Side of a cell from above, and height over the ground up to which parts lie between the feet of
+an object, of its extent."""
 WITHIN, AROUND_IT, OPEN = 0.9, 8, 0.5
 """Least share of such a part that is within the object's outline from above, the cells around the
 object that are looked at, and the share of its rectangle that an open part fills."""
@@ -242,10 +241,11 @@ MOSTLY, LEAST_JOINT = 0.5, 3
 neighbors that join the two."""
 
 
-def missed(surfaces: Surfaces, inside: Bool[Tensor, " n"]) -> Bool[np.ndarray, " m"]:
+def missed(
+    surfaces: Surfaces, segments: Segments, inside: Bool[Tensor, " n"]
+) -> Bool[np.ndarray, " m"]:
     """Flag the surfaces that a selection of most of an object missed: parts of the same object that
     are joined to what is selected. What is wholly below that carries it, and stays."""
-    segments = segment_surfaces(surfaces)
     chosen = surfaces.gathered(inside) & surfaces.solid
     if not chosen.any():
         return chosen
@@ -261,51 +261,13 @@ def missed(surfaces: Surfaces, inside: Bool[Tensor, " n"]) -> Bool[np.ndarray, "
     return rest & ((joints >= LEAST_JOINT) & above)[part]
 
 
-REACH = 1.0
-"""Width around the object's box that is looked at, of its extent."""
-CELL, SPACED = 0.04, 2.5
-"""Least side of a cell, of the extent, and of the usual distance of neighbors."""
-REACHES_DOWN = 0.1
-"""Height to which what stands beside the object reaches down, of the object's."""
-LEAST_SIZE = 0.1
-"""Least extent of what is worth a word, of the object's: less is a crumb of its rim."""
-
-
-def resting_on(
-    thing: Float[np.ndarray, "k 3"], others: Float[np.ndarray, "n 3"], up: Float64[np.ndarray, "3"]
-) -> Bool[np.ndarray, " n"]:
-    """Flag the points of what lies right on top of a thing and touches nothing beside or below.
-
-    `others` are the points that are left; what reaches down beside the thing, or far from it, is
-    held by something else.
-    """
-    extent, flags = extent_of(thing), np.zeros(len(others), bool)
-    axes = np.linalg.svd(up[None])[2]
-    axes[0] = up
-    own, rest = thing @ axes.T, others.astype(np.float64) @ axes.T
-    low, high = own.min(0) - REACH * extent, own.max(0) + REACH * extent
-    low[0] = own[:, 0].min() + REACHES_DOWN * np.ptp(own[:, 0])
-    near = np.flatnonzero(((rest > low) & (rest < high)).all(1))
-    if len(near) < 2 or extent <= 0:
-        return flags
-    some = rest[near[:: 1 + len(near) // ASKED]]
-    spacing = float(np.median(k_nearest(rest[near], some, 2)[0][:, 1]))
-    step = max(CELL * extent, SPACED * spacing)
-
-    def cells(points: Float[np.ndarray, "m 3"]) -> tuple[np.ndarray, ...]:
-        return tuple(((points - low) / step).astype(int).T)
-
-    taken, filled = (np.zeros(np.ceil((high - low) / step).astype(int), bool) for _ in range(2))
-    taken[cells(rest[near])] = True
-    filled[cells(own[own[:, 0] > low[0]])] = True
-    found: Any = ndimage.label(taken, np.ones((3, 3, 3)))
-    parts = found[0]
-    above = np.zeros_like(filled)
-    above[2:] = filled[1:-1] | filled[:-2]
-    inner = np.zeros_like(filled)
-    inner[1:-1, 1:-1, 1:-1] = True
-    loose = np.setdiff1d(parts[above & ~filled], np.append(parts[~inner], 0))
-    for part in loose:
-        rows = near[parts[cells(rest[near])] == part]
-        flags[rows] = extent_of(others[rows]) > LEAST_SIZE * extent
-    return flags
+def left_on(
+    surfaces: Surfaces, segments: Segments, gone: Bool[Tensor, " n"]
+) -> Bool[np.ndarray, " m"]:
+    """Flag the surfaces of things that stand on one that is gone, and are left themselves."""
+    lost, labels = surfaces.gathered(gone), segments.labels.numpy()
+    count = len(segments.rows)
+    share = np.bincount(labels, lost, count) / np.bincount(labels, minlength=count)
+    under = [row.stands_on for row in segments.rows]
+    on = [i for i in range(count) if under[i] >= 0 and share[under[i]] > MOSTLY >= share[i]]
+    return np.isin(labels, on) & ~lost

@@ -20,7 +20,7 @@ from scipy.sparse.csgraph import breadth_first_order, maximum_flow
 from scipy.sparse.linalg import splu
 from scipy.spatial import KDTree
 
-from gsedit.change.objects.removal.cells import widened
+from gsedit.change.objects.removal.cells import mean_around, widened
 
 ANCHOR = 1e-6
 """Weight of what a pixel has, against one difference: decides where nothing around is known."""
@@ -104,18 +104,6 @@ def find_shifts(
     return np.unique(np.array(shifts, np.int64).reshape(-1, 2), axis=0)
 
 
-def shifted(mask: Bool[np.ndarray, "h w"], shift: Int64[np.ndarray, "2"]) -> np.ndarray:
-    """Flag the pixels whose place after a shift is flagged."""
-    h, w = mask.shape
-    out = np.zeros_like(mask)
-    y, x = (int(each) for each in shift)
-    rows, columns = slice(max(0, -y), min(h, h - y)), slice(max(0, -x), min(w, w - x))
-    from_rows, from_columns = slice(max(0, y), min(h, h + y)), slice(max(0, x), min(w, w + x))
-    if rows.start < rows.stop and columns.start < columns.stop:
-        out[rows, columns] = mask[from_rows, from_columns]
-    return out
-
-
 def _coverage(
     known: Bool[np.ndarray, "h w"], hole: Bool[np.ndarray, "h w"]
 ) -> Float[np.ndarray, "a b"]:
@@ -170,9 +158,8 @@ def _reaching(
             break
         at = np.array(np.unravel_index(covers.argmax(), covers.shape)) - np.array(hole.shape)
         shifts.append(at)
-        left &= ~shifted(known, at)
-    more = _peaks(covers * 0 + _coverage(known, hole), REACHING)
-    return [*shifts, *more]
+        left &= ~_at(_places(hole.shape) + at, known)[1]
+    return [*shifts, *_peaks(_coverage(known, hole), REACHING)]
 
 
 SWEEPS = 3
@@ -389,6 +376,11 @@ def _labels(
     return best_labels(single, values, ends[(ends >= 0).all(1)])
 
 
+EVENED, ROUNDS = 0.1, 3
+"""Standard deviation over which light is averaged along a hole's border, of the hole's size, and
+how often, with less weight each time for what is unlike."""
+
+
 def _blended(
     picture: Float[np.ndarray, "h w 3"],
     known: Bool[np.ndarray, "h w"],
@@ -396,12 +388,14 @@ def _blended(
     source: Int64[np.ndarray, "h w 2"],
     smooth: Float[np.ndarray, "h w 3"],
 ) -> Float[np.ndarray, "h w 3"]:
-    """Copies by gradients: their steps inside, the known values at the border."""
+    """Copies by gradients: their steps inside, at the border what the light makes of them there. A
+    leaf that lies on the border has no part in that: its color would run into the hole."""
     places = _places(hole.shape)
     shift = (source - places).reshape(-1, 2)
     places, colors = places.reshape(-1, 2), picture.reshape(-1, 3)
     pairs = pixel_pairs(hole, known)
     total, votes = np.zeros((len(pairs), 3)), np.zeros((len(pairs), 1))
+    rim, copies = np.zeros(hole.size, bool), colors.copy()
     for end in (0, 1):  # the shift of either pixel says how the two differ
         moved = places[pairs] + shift[pairs[:, end]][:, None]
         at, there = _at(moved, known)
@@ -409,6 +403,24 @@ def _blended(
         step = colors[at[:, 1]] - colors[at[:, 0]]
         total += np.where(fits[:, None], step, 0)
         votes += fits[:, None]
-    blended = solve_membrane(smooth, hole, known, (pairs, total / np.maximum(votes, 1)))
+        rim[pairs[fits, 1 - end]] = True
+        copies[pairs[fits, 1 - end]] = colors[at[fits, 1 - end]]
+    rim, copies = rim.reshape(hole.shape) & known, copies.reshape(picture.shape)
+    light = _even(np.where(rim[..., None], picture - copies, 0.0), rim)
+    given = np.where(rim[..., None], copies + light, smooth)
+    blended = solve_membrane(given, hole, known, (pairs, total / np.maximum(votes, 1)))
     low, high = picture[known].min(0), picture[known].max(0)
     return np.where(hole[..., None], np.clip(blended, low, high), picture)
+
+
+def _even(
+    values: Float[np.ndarray, "h w 3"], rim: Bool[np.ndarray, "h w"]
+) -> Float[np.ndarray, "h w 3"]:
+    """Values along a rim, even, without those that are unlike what is around them."""
+    weights = rim.astype(np.float64)
+    even = values
+    for _ in range(ROUNDS * rim.any()):
+        even = mean_around(values, weights, max(2.0, EVENED * rim.sum() / np.pi))
+        away = np.linalg.norm(values - even, axis=-1)
+        weights = rim / (1 + np.square(away / max(np.median(away[rim]), 1e-6)))
+    return even

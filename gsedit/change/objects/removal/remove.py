@@ -21,9 +21,9 @@ from gsedit.change.objects.removal.belongings import (
     SURE,
     between_feet,
     core_of,
+    left_on,
     mirrored_under,
     missed,
-    resting_on,
     strays,
     tidied,
 )
@@ -44,6 +44,7 @@ from gsedit.scene.cache import cached_per_scene
 from gsedit.scene.neighbors import extent_of
 from gsedit.scene.outcome import NEW, Outcome, check_finite
 from gsedit.scene.planes import SMALLEST, Plane, find_planes
+from gsedit.select.segment import segment_surfaces
 from gsedit.select.surfaces import look as look_at_surfaces
 from gsedit.views.around import cameras_of
 from gsedit.views.dataset import evenly_spaced
@@ -91,7 +92,8 @@ def remove(scene: Gaussians, inside: Bool[Tensor, " n"], cameras: Sequence[Camer
     inside = torch.from_numpy(tidied(scene.means.numpy(), inside.numpy()))
     cameras = cameras_of(scene, cameras)
     surfaces = look_at_surfaces(scene, cameras)
-    inside = inside | surfaces.expanded(torch.from_numpy(missed(surfaces, inside)))
+    segments = segment_surfaces(surfaces)
+    inside = inside | surfaces.expanded(torch.from_numpy(missed(surfaces, segments, inside)))
     most = VIEWS if len(scene) < LARGE else FEW_VIEWS
     asked = [cameras[i].fitted(VIEW_PIXELS) for i in evenly_spaced(len(cameras), most)]
     thing, kept, trust, planes, bare = _looked_behind(scene, inside, cameras, asked)
@@ -102,9 +104,9 @@ def remove(scene: Gaussians, inside: Bool[Tensor, " n"], cameras: Sequence[Camer
     left = _Left(scene, kept, torch.zeros(len(kept), dtype=torch.bool), trust, scene[kept], [], 0)
     left, views = _planes_filled(left, planes, thing, bare)
     left, views = _gaps_filled(left, views)
-    firm = scene.means[left.rows][left.rest.opacities > FIRM].numpy()
-    resting = int(resting_on(thing.points, firm, up_of(cameras).double().numpy()).sum())
-    return left.outcome(_notes(inside, left, len(bare.sights), guessed(bare, views), resting))
+    gone = torch.ones_like(inside).index_fill(0, left.rows, False)
+    resting = surfaces.expanded(torch.from_numpy(left_on(surfaces, segments, gone))).sum()
+    return left.outcome(_notes(inside, left, len(bare.sights), guessed(bare, views), int(resting)))
 
 
 def _looked_behind(
