@@ -13,7 +13,7 @@ LONGEST_FUNCTION = 40
 """Lines, the docstring not counted."""
 MOST = {
     "product": (("gsedit", "cli", "rasterizer"), 64_967, 368),
-    "tests": (("tests",), 30_855, 288),
+    "tests": (("tests",), 30_852, 288),
     "examples": (("examples",), 5_456, 41),
 }
 """Lines and files of Python of the whole house: whoever wants a line finds one to give. These

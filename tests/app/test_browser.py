@@ -28,7 +28,6 @@ def test_open_click_type_apply_undo_and_export(scene, tmp_path):
             window.wait(lambda: page.document.position == 0)
             window.wait(lambda: "bear.ply" in window.text())
             export(window, page, tmp_path)
-            refuse(window)
             assert not window.errors
             assert not [each for each in window.requests if not inside(each, found.port)]
     finally:
@@ -71,13 +70,6 @@ def export(window, page, tmp_path):
     window.wait(lambda: files() and page.busy is None, 40)
     window.wait(lambda: "is downloaded" in window.text())  # an error takes its place
     assert len(read_scene(files()[0]).scene) == 600
-
-
-def refuse(window):
-    window.write("path", "/etc/passwd")
-    window.press("Open")
-    window.wait(lambda: "--allow" in window.text())
-    assert "Traceback" not in window.text()
 
 
 def canvas_middle(window):

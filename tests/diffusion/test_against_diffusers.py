@@ -160,7 +160,7 @@ def test_karras_sigmas_equal_diffusers(network):
 
 
 @pytest.mark.parametrize("solver", ["ddim", "euler", "ancestral"])
-@pytest.mark.parametrize("s_I", [0.0, 0.5, 0.99])
+@pytest.mark.parametrize("s_I", [0.0, 0.99])
 def test_image_guidance_below_one_guides(network, solver, s_I):
     """There diffusers silently drops all guidance. The formula has no such case, nor have we."""
     spacing = "leading" if solver == "ddim" else "linspace"

@@ -119,7 +119,7 @@ def trained() -> tuple[Marker, tuple[str, ...]]:
     with safe_open(WEIGHTS, "pt") as file:
         values = tuple(file.metadata()["values"].split("|"))
         stored = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-    with torch.device("meta"):
+    with torch.random.fork_rng():  # random numbers on "meta" would load torch's compiler, seconds
         network = Marker(len(values))
     network.load_state_dict(whole(stored), assign=True)
     return network.eval().requires_grad_(False), values
