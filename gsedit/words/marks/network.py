@@ -100,9 +100,9 @@ class Marker(nn.Module):
         """Scores by name: of the classes [n, change, class]; "ends" [n, change, first and last of
         each of SPANS, piece], the piece 0 for none; "kept" [n, piece, class]; "refused" [n, 2]."""
         states = self.drop(self.encoder(ids, seen))
-        asked = self.decoder(
-            self.changes.expand(len(ids), -1, -1), states, memory_key_padding_mask=~seen
-        )
+        hidden = None if bool(seen.all()) else ~seen  # with a mask torch loads its compiler
+        changes = self.changes.expand(len(ids), -1, -1)
+        asked = self.decoder(changes, states, memory_key_padding_mask=hidden)
         ends = self.ends(asked).unflatten(-1, (2 * len(SPANS), WIDTH))
         scores = torch.einsum("nkec,ntc->nket", ends, self.keys(states)) / math.sqrt(WIDTH)
         return {
