@@ -15,8 +15,8 @@ from typer.testing import CliRunner
 
 from gsedit import Checkpoint, Event
 
-FIT = ("--steps", 40, "--max-gaussians", 300, "--checkpoint-every", 0)
-"""Options of a fit of a second."""
+FIT = ("--steps", 16, "--max-gaussians", 300, "--checkpoint-every", 0)
+"""Options of a fit of half a second."""
 EDIT = (
     "as bronze", "--editor", "closed-form", "--size", 32, "--batches", 1, "--views", 2,
     "--steps", 2, "--loss", "mse+gram", "--set", "checkpoint_seconds=0", "--set", "update_steps=4",

@@ -1,11 +1,12 @@
 """Cheaper checks of shapes and kept bytecode, set before anything is imported; a quick search for
-views."""
+views, a ball."""
 
 import os
 import sys
 
 import jaxtyping
 import pytest
+import torch
 from shape_checks import CALLS, checked
 
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # every process of a test would compile the tree
@@ -16,6 +17,18 @@ pytest.MonkeyPatch().setattr(jaxtyping, "jaxtyped", checked)
 def pytest_runtest_call():
     """Calls are counted anew in each test."""
     CALLS.clear()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol():
+    """Threads that a command sets for good end with its test: in later ones they would wait busily
+    for each other, of all workers."""
+    threads = torch.get_num_threads()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("OMP_NUM_THREADS", str(threads))
+        result = yield
+    torch.set_num_threads(threads)
+    return result
 
 
 @pytest.fixture
@@ -31,3 +44,21 @@ def quick_search(monkeypatch):
         return find_views(scene, count, min(size, 64), effort=few, **options)
 
     monkeypatch.setattr(around, "find_views", find)
+
+
+@pytest.fixture(scope="module")
+def ball():
+    """The truth of a stone ball in a garden, the scene, its own Gaussians, and cameras; what is
+    found out of that scene is kept."""
+    from bench.reflective import Finish, LitSolid, captured, garden, plain_base
+    from small_scenes import globe
+
+    from gsedit.bench.synthetic import ring_cameras
+    from gsedit.scene.cache import SceneCache
+
+    lit = LitSolid(globe(), garden)
+    stone = Finish(plain_base((0.5, 0.45, 0.4)), specular=0.0)
+    scene, own = captured(lit, stone, 1200, 3000, torch.Generator().manual_seed(0))
+    cameras = (*ring_cameras(lit.solid, 10, 64), *ring_cameras(lit.solid, 8, 64, elevation=55.0))
+    with SceneCache(scene).used():
+        yield lit, scene, own, cameras

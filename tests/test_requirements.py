@@ -5,7 +5,8 @@ import sys
 
 from gsedit.run.environment import EXTRAS
 
-OF_NETWORKS = ("diffusers", "transformers", "accelerate", "openvino", "stlpips_pytorch")
+OF_NETWORKS = ("diffusers", "transformers", "accelerate", "openvino", "stlpips_pytorch", "sympy")
+"""The last is of torch's compiler, which takes more than half a second to load."""
 BARE = """
 import importlib, pkgutil, sys
 

@@ -33,10 +33,11 @@ from rasterizer import look_at
 # ---- matching ------------------------------------------------------------------------------------
 
 
-def test_a_view_matches_itself_cell_by_cell():
-    view = seen(camera(0.4))
-    pairs = match(*view, *view, cell=CELL)
-    assert torch.equal(pairs.a, torch.arange(256))
+@pytest.mark.parametrize("cell", [1, 3, 4, 8, 16])
+def test_a_view_matches_itself_cell_by_cell(cell):
+    view = seen(camera(0.4, size=48))
+    pairs = match(*view, *view, cell=cell)
+    assert torch.equal(pairs.a, torch.arange((48 // cell) ** 2))
     assert torch.equal(pairs.b, pairs.a)
     assert pairs.error.max() < 1e-9  # float64 there and back
 
@@ -112,13 +113,6 @@ def test_views_of_different_sizes_match():
     pairs = match(*seen(a), *seen(b), cell=CELL)
     assert len(pairs.a) > 100
     assert true_error(a, b, pairs, lambda c, xy: plane_depth(c, SLANTED, xy)).max() <= 0.5 + 1e-9
-
-
-@pytest.mark.parametrize("cell", [1, 3, 4, 16])
-def test_any_cell_size_has_its_center_in_the_middle(cell):
-    view = seen(camera(0.2, size=48))
-    pairs = match(*view, *view, cell=cell)
-    assert len(pairs.a) == (48 // cell) ** 2
 
 
 def test_each_rule_refuses_what_it_is_for():
@@ -247,7 +241,7 @@ def test_one_view_or_empty_depth_matches_nothing():
     assert torch.equal(empty.matched, torch.eye(4).double())
 
 
-@pytest.mark.parametrize(("views", "side"), [(8, 256), (4, 512)])
+@pytest.mark.parametrize(("views", "side"), [(8, 128), (3, 384)])
 def test_many_views_and_large_ones_correspond_too(views, side):
     cameras = [camera(-0.8 + 0.2 * i, 0.1 * (i % 3), size=side) for i in range(views)]
     arguments = stacked(cameras)

@@ -66,12 +66,7 @@ def network() -> Network:
 
 
 def theirs(network: Network, scheduler: Any, settings: SamplerSettings) -> torch.Tensor:
-    vae = diffusers.AutoencoderKL(
-        block_out_channels=(32,) * 4,
-        down_block_types=("DownEncoderBlock2D",) * 4,
-        up_block_types=("UpDecoderBlock2D",) * 4,
-        latent_channels=4,
-    )
+    vae = diffusers.AutoencoderKL(block_out_channels=(32,))  # not used: latents go in and out
     pipe = diffusers.StableDiffusionInstructPix2PixPipeline(
         unet=network.unet, vae=vae, text_encoder=None, tokenizer=None, scheduler=scheduler,
         safety_checker=None, feature_extractor=None, requires_safety_checker=False,
@@ -160,7 +155,7 @@ def test_karras_sigmas_equal_diffusers(network):
 
 
 @pytest.mark.parametrize("solver", ["ddim", "euler", "ancestral"])
-@pytest.mark.parametrize("s_I", [0.0, 0.5, 0.99])
+@pytest.mark.parametrize("s_I", [0.0, 0.99])
 def test_image_guidance_below_one_guides(network, solver, s_I):
     """There diffusers silently drops all guidance. The formula has no such case, nor have we."""
     spacing = "leading" if solver == "ddim" else "linspace"

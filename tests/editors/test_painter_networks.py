@@ -62,8 +62,10 @@ def test_both_equal_the_published_files():
     assert max(differences(FILES).values()) < 1e-4
 
 
-@pytest.mark.parametrize("size", [(16, 16), (52, 36), (36, 100)])
-@pytest.mark.parametrize("fill", [None, 0.0, 0.5])
+@pytest.mark.parametrize(
+    ("size", "fill"),
+    [((16, 16), None), ((52, 36), None), ((36, 100), None), ((16, 16), 0.0), ((36, 100), 0.5)],
+)
 def test_pictures_of_any_size_and_of_one_color(size, fill):
     picture = waves(*size) if fill is None else torch.full((*size, 3), fill)
     painter = load_painter()

@@ -23,7 +23,7 @@ from gsedit.views.orbit import circle
 from gsedit.views.viewpoints import Viewpoint
 
 
-def test_the_demo_leaves_its_folder(tmp_path):
+def test_the_demo_leaves_its_folder(tmp_path, quick_search):
     folder = tmp_path / "demo"
     with pytest.raises(SystemExit) as ended:
         demo(folder, count=1500, size=64)

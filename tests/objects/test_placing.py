@@ -14,6 +14,7 @@ from gsedit.change.objects.placing.daylight import Daylight, Sun, shaded, sun_of
 from gsedit.change.objects.placing.insert import main_object
 from gsedit.change.objects.placing.stance import stance_of
 from gsedit.errors import UsageError
+from gsedit.scene.cache import SceneCache
 from gsedit.scene.outcome import NEW, same
 from gsedit.scene.similarity import IDENTITY
 from gsedit.scene.table import gaussians_of, table_of
@@ -34,7 +35,9 @@ def meadow():
 
 @pytest.fixture(scope="module")
 def labelled(meadow):
-    return meadow.gaussians(2000)
+    made = meadow.gaussians(2000)
+    with SceneCache(made.scene).used():
+        yield made
 
 
 @pytest.fixture(scope="module")

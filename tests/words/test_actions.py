@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from functools import lru_cache
 from pathlib import Path
 
 import pytest
@@ -20,6 +21,7 @@ DONE = [
     for each in ASKED
     if each["known"] and all(change["kind"] == "object" for change in each["changes"])
 ]
+bare = lru_cache(read_instruction)
 
 
 def changes(sentence: str) -> tuple[Change, ...]:

@@ -52,8 +52,8 @@ def test_of_two_things_one_changes_and_one_stays(change, frame):
      "all but the {} in {look}", "make it all {look} but not the {}"],
 )  # fmt: skip
 def test_everything_but_a_thing_leaves_it_out(frame):
-    for noun in NOUNS[::40]:
-        for look in LOOKS:
+    for number, noun in enumerate(NOUNS[::40]):
+        for look in LOOKS[number % 2 :: 2]:
             read = read_instruction(frame.format(noun, look=look))
             assert all(leaves(each, noun) for each in read.changes), read
 
@@ -64,8 +64,8 @@ def test_everything_but_a_thing_leaves_it_out(frame):
      "turn the bear {}, leave its {} alone", "make it {} but not the {}"],
 )  # fmt: skip
 def test_a_part_that_stays_is_left_out(frame):
-    for part in PARTS:
-        for look in LOOKS:
+    for number, part in enumerate(PARTS):
+        for look in LOOKS[number % 3 :: 3]:
             read = read_instruction(frame.format(look, part))
             assert all(leaves(each, part) for each in read.changes), read
 

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 import torch
-from bench.reflective import Finish, LitSolid, captured, garden, plain_base
+from bench.reflective import Finish, plain_base
 from changes import painted
-from small_scenes import scenes
 
 from gsedit.bench.synthetic import ring_cameras
 from gsedit.errors import UsageError
@@ -15,16 +14,6 @@ from gsedit.words.instruction import Change
 from rasterizer.numerics import SH_DC
 
 ASKED = ("#653700", "#029386", "#e50000", "#ffffff", "#0343df", "#808080", "#fac205")
-
-
-@pytest.fixture(scope="module")
-def ball():
-    """A stone ball in a garden as captured, which Gaussians are its own, and cameras."""
-    lit = LitSolid(scenes()[0], garden)
-    stone = Finish(plain_base((0.5, 0.45, 0.4)), specular=0.0)
-    scene, own = captured(lit, stone, 900, 3000, torch.Generator().manual_seed(0))
-    cameras = (*ring_cameras(lit.solid, 10, 48), *ring_cameras(lit.solid, 8, 48, elevation=55.0))
-    return lit, scene, own, cameras
 
 
 def paint(name, color):
