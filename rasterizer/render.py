@@ -94,9 +94,7 @@ def backproject(
     return weights.back(maps.detach().to(scene.means))
 
 
-def contributions(
-    scene: Gaussians, camera: Camera, *, numerics: Numerics = DEFAULT, execution: Execution = AUTO
-) -> Float[Tensor, " n"]:
+def contributions(scene: Gaussians, camera: Camera) -> Float[Tensor, " n"]:
     """Sum over the picture of each Gaussian's blending weight, pixels: how much it contributes."""
     ones = torch.ones(camera.height, camera.width, 1).expand(-1, -1, 3)
-    return backproject(scene, camera, ones, numerics=numerics, execution=execution)[:, 0]
+    return backproject(scene, camera, ones)[:, 0]

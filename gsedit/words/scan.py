@@ -5,35 +5,17 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from gsedit.words import colors, lexicon
 
 SPELLINGS = (
     (r"[\u2018\u2019`]", "'"),
-    (r"\b(?:at )?(?:half|quarter) past \w+\b|\b(?:at )?\w+ o'?clock\b", ""),
     (r"colou?r", "color"),
-    (r"\bw/o\b", "without"),
-    (r"\bdesat(?:\b|(?= ))", "desaturate"),
-    (r"\bsat\.?(?= ?[-+x\d]|\b(?= (?:down|up|by|on|of|to)\b))", "saturation"),
-    (r"(?<=[a-z] )x ?(?=\d)", "times "),
-    (r"\bb/w\b|\bblack/white\b|\bwhite and black\b", "black and white"),
-    (r"\bwb\b", "white balance"),
-    (r"(?<=\w)-ish\b", "ish"),
-    (r"\bde-(?=[a-z])", "de"),
-    (r"\bun-(?=[a-z])", "not "),
-    (r"\b(?!feel|for)(\w+)[- ]free\b(?! (?:of|to|from))|\b(shadow|snow|fog)less\b", r"no \1\2"),
-    (r"\bminus (?=\d)", "-"),
-    (r"\bplus (?=\d)", "+"),
-    (r"(?<=s)'(?=\s)", " 's "),
     (r"\bgrey", "gray"),
-    (r"\bfibre\b", "fiber"),
+    (r"\bde-(?=[a-z])", "de"),
     (r"\bpercents?\b|\bper cent\b|\bpct\b", "%"),
-    (r"(?<=\d)\.(?=\D|$)", " . "),
-    (r"(?<=\w)\s+-\s+(?=\w)|->|=>|=|--+|[\u2014\u2013]", " : "),
     (r"(?<=[a-z])-(?=[a-z])", " "),
-    (r"\+(?!\d)", " and "),
-    (r"\b(lighter|darker|paler|deeper|brighter) (?:shade|tone|version) of\b", r"\1"),
 )
 """Patterns and what stands in their place, in order."""
 TOKEN = re.compile(
@@ -61,13 +43,6 @@ def tokens(sentence: str) -> list[str]:
 
 
 DETERMINERS = frozenset(("the", "my", "this", "that", "our", "your", "his", "her", "their"))
-MANNERS = frozenset(
-    ("style", "styles", "look", "way", "manner", "version", "effect", "painting", "painter",
-     "print", "drawing", "picture", "image", "art")
-)  # fmt: skip
-"""Words after a painting style that is no thing: "in the woodcut style", "add a comic look"."""
-LIKENS = ("as", "into", "like", "style of")
-"""Ends of words after which a thing is what a picture is to look like."""
 
 
 @dataclass(frozen=True)
@@ -94,26 +69,9 @@ def scanned(sentence: str) -> list[Word]:
     rest, found = tokens(sentence), list[Word]()
     while rest:
         word, used = _next(rest)
-        before = found[-1] if found else word
-        if word.text == "stop" and (
-            before.kind in ("number", "fraction") or before.text in ("a", "full")
-        ):
-            word = replace(word, kind="unit", value="stops")
-        if word.value in lexicon.styles() and _is_named(found, rest[used:]):
-            word = Word(word.text, "unknown", word.text)
         found.append(word)
         rest = rest[used:]
     return found
-
-
-def _is_named(before: list[Word], after: list[str]) -> bool:
-    """Whether a painting style is the name of a thing: "make the poster darker", "the abstract
-    sculpture"; but "like the cubists", "in the woodcut style"."""
-    likened = [
-        word.kind in ("simile", "asif") or word.text.endswith(LIKENS) for word in before[-3:]
-    ]
-    named = bool(before) and before[-1].text in DETERMINERS
-    return named and not any(likened[:-1]) and not MANNERS & set(after[:1])
 
 
 def _next(words: list[str]) -> tuple[Word, int]:

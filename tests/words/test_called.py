@@ -45,7 +45,7 @@ def test_an_action_and_a_look_may_call_two_names():
     ],
 )  # fmt: skip
 def test_what_no_name_settles_is_read_as_ever(sentence):
-    assert read_instruction(sentence, NAMES) == read_instruction(sentence, NAMES)
+    assert read_instruction(sentence, NAMES) == read_instruction(sentence)
 
 
 @pytest.mark.parametrize(

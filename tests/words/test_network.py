@@ -11,8 +11,8 @@ from research.reading.labelled import labelled, read
 from research.reading.train import targets
 from research.reading.varied import Varied
 
-from gsedit.words.marks import heard, network
-from gsedit.words.marks.marked import phrase, pieces, vocabulary
+from gsedit.words.marks import network
+from gsedit.words.marks.marked import pieces, vocabulary
 
 OLDER = Path(__file__).parents[1] / "data" / "sentences" / "older.jsonl"
 
@@ -34,18 +34,6 @@ def test_weights_in_eight_bits_are_within_half_a_step():
     step = state["matrix"].abs().amax(1, keepdim=True) / 127
     assert ((back["matrix"] - state["matrix"]).abs() <= 0.51 * step).all()
     assert torch.allclose(back["bias"], state["bias"], rtol=1e-3)
-
-
-def test_a_sentence_is_marked():
-    said = heard.marked("paint the vase red, keep the table")
-    assert [(each.of, each.name) for each in said.asked] == [("the vase", "red")]
-    assert said.kept == ("the table",)
-
-
-def test_a_phrase_has_an_article_and_no_marks():
-    assert phrase("The Vase,") == "the vase"
-    assert phrase("on my chair") == "my chair"
-    assert phrase("it") == "it"
 
 
 def test_an_edit_of_a_labelled_sentence_keeps_its_marks():

@@ -49,15 +49,6 @@ def test_sentences_are_read_and_none_is_done_the_opposite_way(name, count, least
     assert counts.total() == count
 
 
-def test_a_slip_in_a_small_word_is_no_part_of_a_name():
-    slipped, spelled = (
-        read_instruction(f"paint {the} bear red {joined} remove {the} vase")
-        for the, joined in (("teh", "adn"), ("the", "and"))
-    )
-    assert slipped.changes == spelled.changes
-    assert [each.phrase for each in slipped.changes] == ["the bear", "the vase"]
-
-
 @pytest.mark.parametrize(
     ("said", "name"),
     [("matte", "matte"), ("matt", "matte"), ("shiny", "glossy"), ("polished", "polished"),
@@ -325,7 +316,6 @@ def test_a_turn_of_phrase_is_never_read_for_what_its_words_name(sentence):
     ("sentence", "told"),
     [
         ("make teh statue glod adn smaler", "the statue made of gold; the statue 23 % smaller"),
-        ("oil paitning style", "the whole scene in the style of autumn oil"),
         ("paint the urn red", "the urn painted red (#e50000)"),
         ("spin the vase 45 degrees counter clockwise",
          "the vase turned by 45 degrees counterclockwise"),
@@ -333,9 +323,8 @@ def test_a_turn_of_phrase_is_never_read_for_what_its_words_name(sentence):
         ("statue in chrome like the T-1000", "the statue made of chrome"),
         ("soften the picture a little, it's too sharp", "the whole scene 15 % softer"),
         ("make the bear brighter and warmer", "the bear 20 % brighter; the bear 25 % warmer"),
-        ("turn the vase red because it looks dull", "the vase painted red (#e50000)"),
         ("sword gold handle leather", "the sword made of gold (not read: 'handle leather')"),
-        ("not red, no wait, blue for the vase", "the vase painted blue (#0343df)"),
+        ("one full stop brighter", "the whole scene 100 % brighter"),
     ],
 )  # fmt: skip
 def test_slips_ways_and_pairs_are_read_and_what_is_lost_is_told(sentence, told):

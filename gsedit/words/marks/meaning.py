@@ -19,10 +19,9 @@ from gsedit.words.refusals import Refused
 from gsedit.words.scan import scanned
 
 PAIRED = re.compile(
-    r"\b(?:more \w+|less \w+|\w+er)(?:,? and|,| &) (?:(?:a|bit|little|slightly|much|way|also) )*"
-    r"(?:more \w+|less \w+|\w+er)(?=$|[,;.!?]| please| (?:and|but) )",
-    re.IGNORECASE,
-)
+    r"\b(?:more \w+|less \w+|\w+er)(?:,? and|,| &) (?:\w+ ){0,2}?(?:more \w+|less \w+|\w+er)"
+    r"(?=$|[,;.!?]| (?:please|and|but) )", re.IGNORECASE,
+)  # fmt: skip
 """Two tones of one thing: "make the bear brighter and warmer"."""
 SCALES = {"": 1.0, "little": SLIGHT, "much": STRONG}
 """Shares of a tone's usual amount."""
@@ -57,7 +56,8 @@ def changes_of(said: Marked, files: Sequence[str] = ()) -> list[Change]:
         if left and (put or asked.deed == "insert"):
             change = inserted(left.pop(0), asked)
         else:
-            change = _placed(_change(asked, said.text), asked, said.text, last)
+            change = _low_sun(asked, said.text) or _change(asked, said.text)
+            change = _placed(change, asked, said.text, last)
         found.append(change)
         if change.route == "style":
             words = said.text if MIXED.search(said.text) else asked.name
@@ -111,8 +111,6 @@ def _low_sun(asked: Asked, text: str) -> Change | None:
 
 def _change(asked: Asked, text: str) -> Change:
     """A change, of its usual part. Raises Refused."""
-    if found := _low_sun(asked, text):
-        return found
     match asked.deed:
         case "tone":
             return _toned(asked, text)
