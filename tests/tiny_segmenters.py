@@ -8,7 +8,9 @@ from typing import Any
 import torch
 import transformers
 from tiny_models import tiny_tokenizer
-from transformers.models.vit.image_processing_pil_vit import ViTImageProcessorPil
+
+VIT = getattr(transformers, "ViTImageProcessorPil", transformers.ViTImageProcessor)
+"""The processor of pictures that needs no torchvision, by either name."""
 
 
 def seeded(kind: Any, config: Any) -> Any:
@@ -35,7 +37,7 @@ def clipseg(place: Path) -> tuple[Any, Any]:
         decoder_num_attention_heads=2,
         decoder_intermediate_size=16,
     )
-    pictures = ViTImageProcessorPil(size={"height": 32, "width": 32})
+    pictures = VIT(size={"height": 32, "width": 32})
     processor = transformers.CLIPSegProcessor(pictures, tiny_tokenizer(place))
     return seeded(transformers.CLIPSegForImageSegmentation, config), processor
 

@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from torch import Tensor
 
     from gsedit.select.finder import Finder
+    from gsedit.select.kinds import Selection
     from gsedit.select.masked import MaskProvider
     from gsedit.select.region import Region
-    from gsedit.select.rules import Selection
     from rasterizer.scene import Gaussians
 
 
@@ -122,7 +122,7 @@ class SelectionOptions:
 
         Raises UsageError for a text that cannot be read.
         """
-        from gsedit.select.rules import EVERYTHING
+        from gsedit.select.kinds import EVERYTHING
 
         if self.where is None:
             return EVERYTHING if self.region is None else parse_region(self.region, self.data)
@@ -166,9 +166,9 @@ def view_functions(data: Path | None) -> dict[str, Callable[..., Selection]]:
     They look through the cameras of `data`, or those beside the current scene; what was found is
     printed. Without an argument `cameras`, `seen` and `middle` need one of the two.
     """
-    from gsedit.select.rules import LEAST_PIXELS, flags
-    from gsedit.select.rules import middle as in_the_middle
-    from gsedit.select.rules import seen as seen_in
+    from gsedit.select.kinds import LEAST_PIXELS, flags
+    from gsedit.select.kinds import middle as in_the_middle
+    from gsedit.select.kinds import seen as seen_in
     from gsedit.select.where import questions
 
     scene = str(current_scene.get() or "")

@@ -25,7 +25,7 @@ import numpy as np
 from gsedit.errors import UsageError
 from gsedit.scene.shapes import Bool
 from gsedit.scene.table import SplatTable, gaussians_of
-from gsedit.select.rules import (
+from gsedit.select.kinds import (
     FORMS,
     NAMED,
     VALUES,

@@ -1,4 +1,4 @@
-"""Names that a sentence can give and how they look, from `names.txt`: materials, lights, weathers.
+"""Names of materials, lights and weathers, and how they look, from `appearances.txt`.
 
 A row is a name and its values: `key=0.5`, `key=0.5,0.7,1`, `key=#ffc65a`, `key=yes`, `key=word`.
 Indented rows below it are its parts, and other words for it where they begin with a colon.
@@ -54,7 +54,7 @@ def _value(text: str) -> str | bool | float | tuple[float, ...]:
     return numbers if "," in text else numbers[0]
 
 
-TABLE = read_table(Path(__file__).with_name("names.txt"))
+TABLE = read_table(Path(__file__).with_name("appearances.txt"))
 
 
 def named() -> list[tuple[str, str, list[str]]]:

@@ -11,7 +11,7 @@ from gsedit.errors import InputError, UsageError
 from gsedit.formats.flags import write_flags
 from gsedit.formats.streams import SceneHeader, gather, in_blocks
 from gsedit.scene.table import SplatTable, gaussians_of
-from gsedit.select.rules import box, cylinder, ellipsoid, half_space, oriented_box, sphere
+from gsedit.select.kinds import box, cylinder, ellipsoid, half_space, oriented_box, sphere
 from gsedit.toolkit import Filter, filter, select, where
 from gsedit.toolkit.operation import run
 from gsedit.toolkit.transform import rotate

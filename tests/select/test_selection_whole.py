@@ -13,7 +13,7 @@ from gsedit import View
 from gsedit.errors import InputError, UsageError
 from gsedit.scene.table import SplatTable, gaussians_of
 from gsedit.select import Finder
-from gsedit.select.rules import cluster_labels, grow, middle, shrink
+from gsedit.select.kinds import cluster_labels, grow, middle, shrink
 from gsedit.toolkit import filter, select, where
 from gsedit.views.cameras_json import read_cameras, write_cameras
 from rasterizer import Camera, look_at

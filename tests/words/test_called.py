@@ -33,11 +33,6 @@ def test_a_saved_name_is_a_thing(sentence, route, phrase, of):
     assert "zq" not in str(read)
 
 
-def test_an_action_and_a_look_may_call_two_names():
-    read = read_instruction("remove the plinth and paint the ears red", NAMES)
-    assert [each.phrase for each in read.changes] == ["the plinth", "the ears"]
-
-
 @pytest.mark.parametrize(
     "sentence",
     [

@@ -1,5 +1,5 @@
-"""Materials: how a surface reflects, its patterns; those with a name (gsedit/words/names.txt) and
-the one that words name: "brushed copper with green patina", "matte", "polished granite".
+"""Materials: how a surface reflects, its patterns; those of gsedit/words/appearances.txt and what
+words name: "brushed copper with green patina", "matte", "polished granite".
 
 Loads no torch.
 """

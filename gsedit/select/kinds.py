@@ -1,4 +1,4 @@
-"""Rules that select Gaussians: by value, rank, color, volume, file or camera, each by a function.
+"""Kinds of selections: by value, rank, color, volume, file or camera, each by a function.
 
 `gsedit.select.where` calls the functions of `FORMS` and `VALUES` by their names, and reads the
 types of their parameters. Coordinates and lengths are those of the scene's file (see
