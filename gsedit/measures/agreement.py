@@ -213,7 +213,6 @@ def compare_points(
     edited: Pictures,
     sizes: Mapping[int, tuple[int, int]],
     pictures: PicturesOf,
-    least_change: float = CHANGED,
 ) -> PairComparison | str:
     """Both errors at the same points, or the reason why they are too few.
 
@@ -226,7 +225,7 @@ def compare_points(
             for images in (unedited, edited)
         )
         moved = torch.stack([(b - a).square().mean(1) for a, b in zip(before, after)])
-        kept = moved.amax(0) >= least_change**2
+        kept = moved.amax(0) >= CHANGED**2
         matched += len(kept)
         if kept.any():
             errors = [(a - b).square().mean(1)[kept].sum().item() for a, b in (before, after)]

@@ -79,7 +79,7 @@ def _next(words: list[str]) -> tuple[Word, int]:
     first = words[0]
     if first in MARKS or first == "'s":
         return Word(first, "poss" if first == "'s" else "mark", first), 1
-    if (value := _number(first)) is not None:
+    if (value := _number(first)) is not None and _phrase(words)[0] < 2:  # "8 bit" is a look
         return Word(first, "number", first, number=value), 1
     if color := colors.hexadecimal(first):
         return Word(color, "color", color, color=color), 1

@@ -100,7 +100,7 @@ def _factor(asked: Asked, text: str) -> float | None:
     if re.search(r"half(?: as \w+)? again", text):
         return 1.5
     if remains:
-        return number
+        return 1 / number if number > 1 and re.search(r"\bas (?:small|short)", text) else number
     if number < 1 and ("." in said or "/" in said) and not said.startswith("by "):
         return number
     if number < 1:

@@ -63,9 +63,8 @@ def known() -> frozenset[str]:
 
 
 def spelled(text: str) -> str:
-    """A text without slips in words that neither the lexicon nor the network knows: two letters
-    swapped after the first one, a letter doubled or not, a vowel left out of a long word, a key
-    missed in "the" and "and"."""
+    """A text without slips in words that neither lexicon nor network knows: letters swapped after
+    the first, a letter doubled or not, a vowel left out, a key missed in "the" or "and"."""
     return WORD.sub(lambda found: _spelled(found[0]), text)
 
 
@@ -149,8 +148,10 @@ NEAREST = 3
 """Names that are told where no word is known."""
 ARTICLES = re.compile(r"^(?:(?:on|of|in|to|for|at|just|only) )+(?=\w)|^(?:an?|only|just) ")
 """Words that a phrase does not begin with."""
-ARTICLE = re.compile(r"^(?:the|an?|its?|their|his|her|my)$", re.IGNORECASE)
+ARTICLE = re.compile(r"^(?:the )?(?:the|an?|its?|their|his|her|my)$", re.IGNORECASE)
 """A mark that names nothing."""
+QUALITY = re.compile(r"(?:'s?)? (?:own |original )?(?:colou?rs?|brightness|tones?|blue|red)$")
+"""What is said of a thing that stays: "the cake's brightness"."""
 OWNED = re.compile(r"^(?:the|my|our|your|his|her|its|their|this|that|these|those) ")
 PRONOUN = re.compile(
     r"^(?:it|him|her|them|this|that|these|those|itself|"
@@ -269,7 +270,8 @@ def told(cut: Pieces, scores: Mapping, values: tuple[str, ...]) -> Marked:
         spans += found
     kept, unsure = _kept(cut, chances["kept"], spans)
     spans += kept
-    phrases = tuple(phrase(cut.said(*each)) for each in kept if not ARTICLE.match(cut.said(*each)))
+    things = (QUALITY.sub("", phrase(cut.said(*each))) for each in kept)
+    phrases = tuple(each for each in things if not ARTICLE.match(each))
     letters = tuple((cut.words[a][0], cut.words[b][1]) for a, b in spans)
     refused = float(chances["refused"][1])
     asked, more = _counted(cut.text, asked, letters, more)

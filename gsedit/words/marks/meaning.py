@@ -75,8 +75,7 @@ def changes_of(said: Marked, files: Sequence[str] = ()) -> list[Change]:
 
 
 def _once(changes: Sequence[Change]) -> list[Change]:
-    """Changes without those that are said twice, actions apart; the one with a color stays, or with
-    an amount that is not the usual one."""
+    """Changes without those said twice, actions apart; a color stays, or an unusual amount."""
     found = dict[object, Change]()
     for at, change in enumerate(changes):
         more = change.kind == "tone" and (change.amount or 0) > 0
