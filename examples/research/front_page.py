@@ -78,8 +78,8 @@ def edit(name: str) -> Callable[[Path, Path], tuple[str, float, float]]:
         _, seconds, cpu = clocked(
             "gsedit", "edit", scene, said, "--data", capture, "-o", folder, "-f"
         )
-        masks = capture / "masks" / subject
-        clocked("gsedit", "metrics", folder, "--subject-masks", masks, "-o", record, "-f")
+        masks = ("--subject-masks", capture / "masks" / subject) if "masks" in number else ()
+        clocked("gsedit", "metrics", folder, *masks, "-o", record, "-f")
         found = json.loads(record.read_text())["measured"][number][role]
         within = found["interval"]
         ends = f"{found['views']} views" if within is None else "{:.1f} to {:.1f}".format(*within)

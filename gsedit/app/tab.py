@@ -147,7 +147,7 @@ class Tab:
         self.begin: Callable[[], None] = lambda: None
         """Called when something begins that a preview would be in the way of."""
         self.tools: list[Callable[[], None]] = []
-        """Each puts a tool away that is in hand: a box, handles, colors of what would go."""
+        """Each puts a tool away that is in hand: handles, colors of what would go."""
         self._over = self.gui.add_html("")
         self._actions: dict[str, Callable[[str], None]] = {}
         self._asked = self.gui.add_text(ACTION, "")

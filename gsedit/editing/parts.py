@@ -178,8 +178,8 @@ def _without(region: Region, change: Change, found: Mapping[str, Region]) -> Reg
 
 
 def unknown_nouns(changes: Sequence[Change], names: Names) -> list[str]:
-    """Nouns alone that no name is, but for what carries things, as a table, where it stays: it goes
-    with all that is on it."""
+    """Nouns alone that no name is. A table that only changes its looks is none of them: it is found
+    by what it carries, and what is on it goes along only where it goes."""
     on = {change.place.of for change in changes if change.place and change.place.side == "on"}
     goes = {change.phrase for change in changes if change.route == "object"} - on
     nouns = [each for each in _phrases(changes) if is_noun(each) and not names.knows(each)]

@@ -152,7 +152,7 @@ class StylePainter(Editor, Protocol):
 
     def in_styles(self, names: tuple[str, ...]) -> Editor:
         """A painter of these styles, mixed, whatever the prompt: the sentence has been read.
-        Raises UsageError for styles that it does not have."""
+        Raises UsageError for a picture's style without a picture."""
         ...
 
 

@@ -171,8 +171,7 @@ class Finder:
         """The things that a phrase names."""
         masks = self.names.masks
         known = None if masks is not None else self.segments
-        if known is not None and phrase in CARRIERS:
-            found = carrier(known) or self.find_subject()
+        if known is not None and phrase in CARRIERS and (found := carrier(known)):
             return replace(found, inside=cut_out(self.scene, self.cameras, found.inside))
 
         def main() -> Bool[Tensor, " n"] | None:

@@ -307,8 +307,8 @@ def _with_hovering(
 def _gap(
     surfaces: Surfaces, small: Int[np.ndarray, " m"], large: Int[np.ndarray, " k"], *, leg: bool
 ) -> float:
-    """Distance between two things; of a leg, from its upper half to what is above its middle,
-    beyond two distances between neighbors."""
+    """Distance between two things. That of a leg is measured from its upper half to what is higher
+    than its middle, less two distances between its neighbors: its foot is far from the top."""
     middle = np.median(surfaces.heights[small]) if leg else -np.inf
     small, large = (each[surfaces.heights[each] >= middle] for each in (small, large))
     if not len(large):
@@ -324,10 +324,11 @@ def _is_leg(surfaces: Surfaces, small: Int[np.ndarray, " m"], large: Int[np.ndar
     axes = np.stack((front, np.cross(surfaces.up, front), surfaces.up), 1)
     leg, top = (surfaces.points[rows] @ axes for rows in (small, large))
     (low, high), (least, most) = (np.quantile(each, (TAIL, 1 - TAIL), 0) for each in (leg, top))
+    if not ((high < most).all() and (low > least)[:2].all()):
+        return False
     step = extent_of(surfaces.points[large]) / ACROSS
     narrow, wide = (len(np.unique(each[:, :2] // step, axis=0)) for each in (leg, top))
-    under = (high < most).all() and (low > least)[:2].all()
-    return bool(under and (least[2] < (low + high)[2] / 2 or narrow < SLIGHT * wide))
+    return bool(least[2] < (low + high)[2] / 2 or narrow < SLIGHT * wide)
 
 
 # ---- pieces by color, by which things of one body are told apart that touch ----------------------

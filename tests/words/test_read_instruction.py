@@ -321,7 +321,7 @@ def test_a_turn_of_phrase_is_never_read_for_what_its_words_name(sentence):
          "the vase turned by 45 degrees counterclockwise"),
         ("don't make it brighter, I want it darker", "the whole scene 20 % darker"),
         ("statue in chrome like the T-1000", "the statue made of chrome"),
-        ("soften the picture a little, it's too sharp", "the whole scene 15 % softer"),
+        ("make it wamer", "the whole scene 25 % warmer"),
         ("make the bear brighter and warmer", "the bear 20 % brighter; the bear 25 % warmer"),
         ("sword gold handle leather", "the sword made of gold (not read: 'handle leather')"),
         ("one full stop brighter", "the whole scene 100 % brighter"),

@@ -152,17 +152,16 @@ def ring_cameras(
     count: int,
     size: int,
     elevation: float = 20.0,
-    fov: float = 45.0,
     start: float = -90.0,
 ) -> tuple[Camera, ...]:
     """`count` cameras of `size`^2 pixels around the scene, at one height, looking at its center,
     as near as shows the scene's whole ball.
 
-    Angles in degrees: `elevation` above the horizon, `fov` of the picture, `start` the azimuth of
+    Angles in degrees: `elevation` above the horizon, 45 of the picture, `start` the azimuth of
     the first camera (-90: the -y axis, before the demo's bear); the rest follow counter-clockwise.
     """
     center, up = torch.zeros(3, dtype=torch.float64), scene.up.to(torch.float64)
     east = torch.linalg.cross(perpendicular(up), up)  # the x axis where up is z
     return circle(
-        center, scene.radius, up, count, size, elevation=elevation, fov=fov, start=start, east=east
+        center, scene.radius, up, count, size, elevation=elevation, fov=45.0, start=start, east=east
     )

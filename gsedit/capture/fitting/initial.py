@@ -76,16 +76,14 @@ def round_gaussians(
     return Gaussians(points.contiguous(), quats, log_scales, torch.full((count,), logit), sh)
 
 
-def _inverse_depths(
-    views: Sequence[View], points: Float[Tensor, "n 3"], most: int = MEASURED_POINTS
-) -> tuple[float, float]:
+def _inverse_depths(views: Sequence[View], points: Float[Tensor, "n 3"]) -> tuple[float, float]:
     """The smallest and the largest inverse depth at which a photo may show something.
 
-    Those of at most `most` sparse points in the photos, and somewhat beyond; without points from a
+    Those of some sparse points in the photos, and somewhat beyond; without points from a
     hundredth to three times that of the place that the cameras look at.
     """
     inverse = []
-    points = points[:: -(-len(points) // most) or 1]
+    points = points[:: -(-len(points) // MEASURED_POINTS) or 1]
     for view in views[:: max(1, len(views) // 16)]:
         xy, depth = view.camera.project(points.double())
         size = xy.new_tensor((view.camera.width, view.camera.height))

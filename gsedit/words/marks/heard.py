@@ -43,7 +43,7 @@ DENIED = re.compile(
 )
 """A sentence that begins or ends with a denial."""
 TOLD_OF = re.compile(
-    rf"{LED}(?:nobody|no one|there is no need|anything but|avoid this|who \w+ to|don'?t the|"
+    rf"{LED}(?:nobody|no one|there is no need|.*\banything but|avoid this|who \w+ to|don'?t the|"
     r"(?:he|she|they) (?:said|says|told)|"
     r"if (?:you|we|i) (?!(?:can|could|please|would|want|like|do not|don'?t|may|wo|will)\b))\b",
     re.IGNORECASE,
@@ -63,7 +63,7 @@ TURNED = re.compile(
     re.IGNORECASE,
 )
 """Words beside which a quality may be what there is too much of."""
-WHY = re.compile(r",? (?:because|cos|coz|cause) (?!of\b)[^,.;:!?]*$", re.IGNORECASE)
+WHY = re.compile(r",? because (?:i|we) (?:like|love|want|prefer) (?:it|that)\W*$", re.IGNORECASE)
 """A reason at the end of a sentence."""
 CLAUSE = re.compile(r"[^|,;.:!?\n]+")
 TAKEN_BACK = re.compile(r"\b(?:no|wait|sorry|actually|hang on|i mean|rather)\b", re.IGNORECASE)
@@ -71,7 +71,7 @@ TAKEN_BACK = re.compile(r"\b(?:no|wait|sorry|actually|hang on|i mean|rather)\b",
 TELLS = re.compile(
     r"\b(?:no|not|from|instead|rather|than|never|too|stays?|keep|leave|left|leaving|remains?|original|"
     r"current|already|said|says|reads?|looks?|feels?|has|had|have|is|was|are|were|be|as|like|that|"
-    r"enough|if|when|would|dont|ones?|things?)\b|'(?:s|m|ve|t)\b",
+    r"because|enough|if|when|would|dont|ones?|things?)\b|'(?:s|m|ve|t)\b",
     re.IGNORECASE,
 )
 """Words of a clause that only tells what there is."""
@@ -123,16 +123,8 @@ def unsure(said: Marked, files: Sequence[str] = ()) -> bool:
     """Whether what is marked, or that nothing more is, is not sure; that files are put in is."""
     asked = (each for each in said.asked if not (files and each.of_file))
     least = min((each.sure for each in asked), default=1.0)
-    doubted = any(turned(each, said.text) or crossed(each, said.text) for each in said.asked)
+    doubted = any(turned(each, said.text) for each in said.asked)
     return doubted or least < UNSURE or said.more > MORE or said.kept_more > KEPT_MORE
-
-
-def crossed(asked: Asked, text: str) -> bool:
-    """Whether the text denies the name of a change wherever it says it: "anything but green"."""
-    name = re.escape(asked.name.lower())
-    said = re.findall(rf"\b{name}\b", text.lower()) if name else []
-    out = r"(?:anything but|(?<!why )not|never|instead of|rather than)(?: (?:an?|in|the))?"
-    return bool(said) and len(re.findall(rf"\b{out} {name}\b", text.lower())) == len(said)
 
 
 def turned(asked: Asked, text: str) -> bool:
@@ -153,33 +145,34 @@ def turned(asked: Asked, text: str) -> bool:
 
 
 def unread(said: Marked, changes: Sequence[Change]) -> tuple[str, ...]:
-    """Words of a text that say a quality, or that something goes, and are in no change; those that
-    only tell what there is, or that are taken back, are left out."""
+    """Clauses of a text that say a quality which is in no change, but for those that only tell what
+    there is, or are taken back."""
     text, end = said.text, max((m.end() for m in TAKEN_BACK.finditer(said.text)), default=0)
     for first, last in said.marks:
         text = f"{text[:first]}{'|' * (last - first)}{text[last:]}"
-    deeds, made = {each.deed for each in said.asked}, "; ".join(map(str, changes))
+    toned, made = (
+        any(each.deed == "tone" for each in said.asked),
+        f"{'; '.join(map(str, changes))} scales day",
+    )
     return tuple(
         found[0].strip()
         for found in CLAUSE.finditer(text)
         if found.end() > end and not TELLS.search(found[0])
-        and any(_lost(word, deeds, made) for word in scanned(found[0]))
+        and any(_lost(word, made, toned=toned) for word in scanned(found[0]))
     )  # fmt: skip
 
 
-def _lost(word: Word, deeds: set[str], made: str) -> bool:
-    """Whether a word says a quality, or that something goes, that is in no change."""
+def _lost(word: Word, made: str, *, toned: bool) -> bool:
+    """Whether a word says a quality that is in no change."""
     if word.kind in ("state", "turn"):
-        return "tone" not in deeds and word.value.split()[0] in DEFAULT
-    if word.kind == "drop":
-        return deeds.isdisjoint(("remove", "tone"))
-    return word.kind in QUALITIES and word.value not in made and word.text not in f"{made} scales"
+        return not toned and word.value.split()[0] in DEFAULT
+    return word.kind in QUALITIES and word.value not in made and word.text not in made
 
 
 def heard(text: str, files: Sequence[str] = ()) -> tuple[tuple[Change, ...], bool, tuple[str, ...]]:
     """(changes that the network marks in a text, in which a noun stands for each of `files`;
     whether they are sure; words that are in none). Raises Refused."""
-    text = WHY.sub(lambda told: told[0] if STAYS.search(told[0]) else "", spelled(text))
+    text = WHY.sub("", spelled(text))
     said = marked(text)
     if denied(said):
         raise Refused("negation")

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
+from string import ascii_lowercase
 
 from gsedit.words import colors, lexicon
 from gsedit.words.called import FILE_NOUN
@@ -55,9 +56,11 @@ def plain(word: str) -> str:
     return "".join(each for each in apart if unicodedata.category(each) != "Mn")
 
 
-@lru_cache(1)
-def known() -> frozenset[str]:
-    """Words of the lexicon and of colors, and determiners."""
+@lru_cache
+def known(*kinds: str) -> frozenset[str]:
+    """Words of the lexicon and of colors, and determiners; or phrases of `kinds` of the lexicon."""
+    if kinds:
+        return frozenset(each for each, entry in lexicon.entries().items() if entry.kind in kinds)
     phrases = (*lexicon.entries(), *colors.colors(), *DETERMINERS)
     return frozenset(word for phrase in phrases for word in phrase.split())
 
@@ -79,8 +82,10 @@ def _spelled(word: str) -> str:
         near += [a + b[1:] for a, b in cut if b and a[-1] == b[0]] + [a + a[-1] + b for a, b in cut]
     if len(low) > 5:
         near += [a + vowel + b for a, b in cut if len(b) > 2 for vowel in "aeiou"]
+    if len(low) > 4:  # a tone that lacks a letter may be read as its opposite: "wamer"
+        near += known("state", "turn") & {a + c + b for a, b in cut for c in ascii_lowercase}
     right = {each for each in near if each in known()}
-    return min(right, key=lambda each: numbers.get(each, len(numbers)), default=word)
+    return min(right, key=lambda each: (numbers.get(each, len(numbers)), each), default=word)
 
 
 def pieces(text: str) -> Pieces:
@@ -150,7 +155,9 @@ ARTICLES = re.compile(r"^(?:(?:on|of|in|to|for|at|just|only) )+(?=\w)|^(?:an?|on
 """Words that a phrase does not begin with."""
 ARTICLE = re.compile(r"^(?:the )?(?:the|an?|its?|their|his|her|my)$", re.IGNORECASE)
 """A mark that names nothing."""
-QUALITY = re.compile(r"(?:'s?)? (?:own |original )?(?:colou?rs?|brightness|tones?|blue|red)$")
+QUALITY = re.compile(
+    r"(?<!the)(?<!its)(?<!their)(?:'s?)? (?:own |original )?(?:colou?rs?|brightness|blue)$"
+)
 """What is said of a thing that stays: "the cake's brightness"."""
 OWNED = re.compile(r"^(?:the|my|our|your|his|her|its|their|this|that|these|those) ")
 PRONOUN = re.compile(

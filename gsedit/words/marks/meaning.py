@@ -19,7 +19,8 @@ from gsedit.words.refusals import Refused
 from gsedit.words.scan import scanned
 
 PAIRED = re.compile(
-    r"\b(?:more \w+|less \w+|\w+er)(?:,? and|,| &) (?:\w+ ){0,2}?(?:more \w+|less \w+|\w+er)"
+    r"\b(?:more \w+|less \w+|\w+er)(?:,? and|,| &) "
+    r"(?:(?!the\b|my\b|our\b|this\b|that\b|every|all\b)\w+ ){0,2}?(?:more \w+|less \w+|\w+er)"
     r"(?=$|[,;.!?]| (?:please|and|but) )", re.IGNORECASE,
 )  # fmt: skip
 """Two tones of one thing: "make the bear brighter and warmer"."""
@@ -38,7 +39,9 @@ SUBJECT = re.compile(r"^(?:the )?(?:subject|main thing|main object)$")
 SOLID = ("material", "paint", "growth", "object")
 MADE = ("the clone", "the new one", "the duplicate", "the second one", "the copied one")
 LONG = re.compile(
-    r"\blong(?:er)?(?: \w+){0,2} shadows?\b|\bshadows?(?: \w+){0,2} longer\b", re.IGNORECASE
+    r"^(?!.*\b(?:less|remove|no longer|(?:short|dark|bright|light|soft)e[nr])\b)"
+    r".*(?:\blong(?:er)?(?: \w+){0,2} shadows?\b|\bshadows?(?: \w+){0,2} longer\b)",
+    re.IGNORECASE | re.DOTALL,
 )
 """Shadows of a low sun."""
 LIT = re.compile(r"\b(?:only|just|alone|solely)\b", re.IGNORECASE)
@@ -75,15 +78,14 @@ def changes_of(said: Marked, files: Sequence[str] = ()) -> list[Change]:
 
 
 def _once(changes: Sequence[Change]) -> list[Change]:
-    """Changes without those said twice, actions apart; a color stays, or an unusual amount."""
+    """Changes without those that are said twice, actions apart; the one with a color stays."""
     found = dict[object, Change]()
     for at, change in enumerate(changes):
-        more = change.kind == "tone" and (change.amount or 0) > 0
-        named = (change.kind, change.name, change.target, change.phrase, more)
+        amount = change.amount if change.kind == "tone" else None
+        named = (change.kind, change.name, change.target, change.phrase, amount)
         key = at if change.kind == "object" else named
         kept = found.get(key)
-        usual = kept is not None and abs(kept.amount or 0) == DEFAULT.get(kept.name)
-        found[key] = kept if kept and (kept.color or not change.color) and not usual else change
+        found[key] = kept if kept and (kept.color or not change.color) else change
     return list(found.values())
 
 

@@ -141,10 +141,11 @@ def paint(name: str) -> Change | None:
 
 def finish(name: str) -> Change | None:
     """The finish that words name, and nothing else: "matte", "a polished surface"; None for other
-    words, for satin, which is a cloth, where no "finish" is said, and for light that shines."""
+    words, for satin and metallic, which are materials, alone, and for light that shines."""
     bare = SURFACE.sub("", name).strip()
     said = bare if bare == "polished" else _facts("finish").get(bare, "")
-    if not said or bare.startswith("shine") or (bare == name.strip() and material(name)):
+    alone = bare == name.strip() and (bare == "metallic" or material(name))
+    if not said or bare.startswith("shine") or alone:
         return None
     return Change("subject", "material", f"{said} finish", None, None, "material")
 
