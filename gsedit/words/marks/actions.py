@@ -122,7 +122,7 @@ def _turn(asked: Asked, text: str, phrase: str) -> tuple[float, None]:
         degrees = 180.0 if not asked.sign or AROUND.search(text) else 90.0
     if not degrees % 360:
         raise Refused("nonsense")
-    ways = {not each for each in CLOCKWISE.findall(text) if not re.search(r"\bleft|right\b", text)}
+    ways = {not way for way in CLOCKWISE.findall(text) if not re.search(r" (?:left|right)\b", text)}
     sign = -1 if ways == {True} or (ways != {False} and asked.sign < 0) else 1
     return round(sign * (degrees % 360) / 360, 6), None
 

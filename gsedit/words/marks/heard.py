@@ -150,10 +150,8 @@ def unread(said: Marked, changes: Sequence[Change]) -> tuple[str, ...]:
     text, end = said.text, max((m.end() for m in TAKEN_BACK.finditer(said.text)), default=0)
     for first, last in said.marks:
         text = f"{text[:first]}{'|' * (last - first)}{text[last:]}"
-    toned, made = (
-        any(each.deed == "tone" for each in said.asked),
-        f"{'; '.join(map(str, changes))} scales day",
-    )
+    toned = any(each.deed == "tone" for each in said.asked)
+    made = f"{'; '.join(map(str, changes))} scales day"
     return tuple(
         found[0].strip()
         for found in CLAUSE.finditer(text)
