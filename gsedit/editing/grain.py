@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Generator
 from dataclasses import replace
-from typing import Any
 
 import torch
 from jaxtyping import Float, Int
@@ -84,7 +83,7 @@ def _in_pieces(
     pieces, origin = divided(before, finest, worth, min(MAX_GAUSSIANS, MOST_TIMES * len(before)))
     if region is not None:
         region = replace(region, inside=region.inside[origin])
-    shares = seen[:, origin] / origin.bincount()[origin]
+    shares = seen[:, origin] / origin.bincount()[origin]  # each piece has an equal one
     return replace(request, scene=pieces, region=region, seen=shares), origin, worth
 
 
@@ -111,7 +110,7 @@ def _by_groups(request: Request) -> tuple[MergedScene | None, Request]:
 
 
 def _of_all(
-    item: Checkpoint, merged: MergedScene | None, drawn: Gaussians, worth: Any
+    item: Checkpoint, merged: MergedScene | None, drawn: Gaussians, worth: Tensor | None
 ) -> Checkpoint:
     """A checkpoint whose scene has all Gaussians; that of pieces holds what does not move too."""
     if merged is not None:

@@ -84,7 +84,7 @@ def _spelled(word: str) -> str:
         near += [a + vowel + b for a, b in cut if len(b) > 2 for vowel in "aeiou"]
     if len(low) > 4:  # a tone that lacks a letter may be read as its opposite: "wamer"
         near += known("state", "turn") & {a + c + b for a, b in cut for c in ascii_lowercase}
-    right = {each for each in near if each in known()}
+    right = known().intersection(near)
     return min(right, key=lambda each: (numbers.get(each, len(numbers)), each), default=word)
 
 
@@ -158,7 +158,7 @@ ARTICLE = re.compile(r"^(?:the )?(?:the|an?|its?|their|his|her|my)$", re.IGNOREC
 QUALITY = re.compile(
     r"(?<!the)(?<!its)(?<!their)(?:'s?)? (?:own |original )?(?:colou?rs?|brightness|blue)$"
 )
-"""What is said of a thing that stays: "the cake's brightness"."""
+"""Words for a quality behind a thing that stays: "the cake's brightness"."""
 OWNED = re.compile(r"^(?:the|my|our|your|his|her|its|their|this|that|these|those) ")
 PRONOUN = re.compile(
     r"^(?:it|him|her|them|this|that|these|those|itself|"
