@@ -27,7 +27,7 @@ PARTS = ("subject", "background", "scene")
 def chips_of(
     reading: Reading, knobs: Sequence[Knob], read: Reader, *, selected: bool = False
 ) -> str:
-    """HTML of the chips of a sentence that was read, a line a change."""
+    """HTML of the chips of a sentence that was read, a line a change, and of words left unread."""
     lines = []
     for i, change in enumerate(reading.instruction.changes):
         # a selection confines what is said of the whole scene
@@ -38,6 +38,9 @@ def chips_of(
         line.append(_what(reading, i, whole, any((i, "color") == (k.index, k.kind) for k in knobs)))
         line += [_knob(n, knob) for n, knob in enumerate(knobs) if knob.index == i]
         lines.append(f'<div class="line">{" ".join(line)}</div>')
+    for words in map(escape, reading.instruction.unread):
+        told = f"not read: {words}"
+        lines.append(f'<span class="chip unread" role="note" aria-label="{told}">{told}</span>')
     return "".join(lines)
 
 

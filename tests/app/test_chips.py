@@ -51,6 +51,10 @@ def test_every_control_has_a_name_and_nothing_of_the_sentence_is_html():
     for control in re.findall(r"<(?:select|input)[^>]*>", told):
         assert "aria-label" in control or '<label class="amount">' in told
     assert "<b>" not in chips("paint the <b>red</b> one blue")[0]
+    reading = read("paint it red")
+    left = replace(reading, instruction=replace(reading.instruction, unread=("tires <b>",)))
+    assert 'role="note" aria-label="not read: tires &lt;b&gt;"' in chips_of(left, (), heard)
+    assert "not read" not in chips_of(reading, (), heard)
 
 
 @pytest.mark.parametrize(
