@@ -311,10 +311,13 @@ RANK = ("right", "partly", "wrong")
 
 
 def compared(made: Sequence[Change], asked: Sequence[dict[str, Any]]) -> tuple[str, bool]:
-    left, hits, near = list(made), 0, 0
+    left, hits, near, last = list(made), 0, 0, "it"
     for each in asked:
         done = [c for c in left if does(c, each)]
-        if hit := next((c for c in done if on_target(c, each["of"], each["do"])), None):
+        of, do = each["of"], each["do"]
+        meant = {of, last if IT.match(of) else of}  # a pronoun may be what was named last
+        last = last if of in ("scene", "background") or IT.match(of) else of
+        if hit := next((c for c in done if any(on_target(c, m, do) for m in meant)), None):
             hits += 1
             left.remove(hit)
         elif done:

@@ -5,7 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from meanings import GOOD, entries, graded
+from meanings import GOOD, compared, entries, graded
+
+from gsedit.words.instruction import Change
 
 VOICES = Path(__file__).parents[1] / "data" / "sentences" / "voices"
 
@@ -16,3 +18,11 @@ def test_voices_are_understood_and_hardly_any_is_done_the_opposite_way(name, lea
     grades = [result for _, result, _, _ in rows]
     assert grades.count("OPPOSITE") <= 1  # of 200 that the network learned from
     assert sum(each in GOOD for each in grades) >= least * len(grades)
+
+
+@pytest.mark.parametrize(("phrase", "grade"), [("the pump", "right"), ("the gate", "partly")])
+def test_a_pronoun_is_the_thing_named_last(phrase, grade):
+    larger = Change("subject", "object", "scale", None, 0.5, "object", "the pump")
+    painted = Change("subject", "paint", "red", "#ff0000", None, "paint", phrase)
+    asked = [{"do": "scale", "of": "the pump"}, {"do": "paint", "name": "red", "of": "it"}]
+    assert compared([larger, painted], asked)[0] == grade
