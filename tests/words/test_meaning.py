@@ -206,9 +206,10 @@ def test_a_shadow_is_no_object():
 
 
 def test_long_shadows_are_those_of_a_low_sun():
-    told = "give it long evening shadows", "make the shadows longer", "moonlight with long shadows"
-    read = [[change.name for change in read_instruction(each).changes] for each in told]
-    assert read == [["sunset"], ["sunset"], ["moonlight"]]
+    told = ("give it long evening shadows", "make the shadows longer", "moonlight with long shadows",
+            "dawn with long shadows from the right", "shorter shadows")  # fmt: skip
+    read = [change.name for each in told for change in read_instruction(each).changes]
+    assert read == ["sunset", "sunset", "moonlight", "sunrise from the right", "noon"]
 
 
 @pytest.mark.parametrize("why", REASONS.values())

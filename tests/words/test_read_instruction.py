@@ -52,7 +52,7 @@ def test_sentences_are_read_and_none_is_done_the_opposite_way(name, count, least
 @pytest.mark.parametrize(
     ("said", "name"),
     [("matte", "matte"), ("matt", "matte"), ("shiny", "glossy"), ("polished", "polished"),
-     ("satin", "fabric"), ("matte black", "matte black")],
+     ("satin", "fabric"), ("satin finish", "satin finish"), ("matte black", "matte black")],
 )  # fmt: skip
 def test_a_finish_alone_is_no_material(said, name):
     finish = " finish" * (name in ("matte", "glossy", "polished"))
@@ -322,6 +322,7 @@ def test_a_turn_of_phrase_is_never_read_for_what_its_words_name(sentence):
         ("don't make it brighter, I want it darker", "the whole scene 20 % darker"),
         ("statue in chrome like the T-1000", "the statue made of chrome"),
         ("make it wamer", "the whole scene 25 % warmer"),
+        ("make the stele gold", "the stele made of gold"),
         ("make the bear brighter and warmer", "the bear 20 % brighter; the bear 25 % warmer"),
         ("sword gold handle leather", "the sword made of gold (not read: 'handle leather')"),
         ("one full stop brighter", "the whole scene 100 % brighter"),

@@ -12,7 +12,7 @@ from string import ascii_lowercase
 
 from gsedit.words import colors, lexicon
 from gsedit.words.called import FILE_NOUN
-from gsedit.words.scan import DETERMINERS
+from gsedit.words.scan import DETERMINERS, scanned
 
 VOCABULARY = Path(__file__).with_name("vocabulary.txt")
 """Pieces of words, one a line, in the order of the network's embeddings."""
@@ -20,6 +20,8 @@ WORD = re.compile(r"[^\W\d_]+|\d+(?:[.,]\d+)?|\S")
 """A word, a number, or one other sign."""
 LONGEST_WORD = 40
 """Letters of a word that is still cut into pieces."""
+AFTER_THING = ("color", "material", "finish", "state", "turn", "mark", "made", "fill", "conj")
+"""Kinds of words behind the name of a thing."""
 MOST_PIECES = 160
 """Pieces of a sentence that are read."""
 FIRST, LAST, UNKNOWN = "[CLS]", "[SEP]", "[UNK]"
@@ -68,10 +70,11 @@ def known(*kinds: str) -> frozenset[str]:
 def spelled(text: str) -> str:
     """A text without slips in words that neither lexicon nor network knows: letters swapped after
     the first, a letter doubled or not, a vowel left out, a key missed in "the" or "and"."""
-    return WORD.sub(lambda found: _spelled(found[0]), text)
+    return WORD.sub(_spelled, text)
 
 
-def _spelled(word: str) -> str:
+def _spelled(found: re.Match[str]) -> str:
+    word = found[0]
     numbers, low = vocabulary(), plain(word)
     if len(low) < 3 or low in numbers or low in known() or not low.isalpha():
         return word
@@ -85,6 +88,11 @@ def _spelled(word: str) -> str:
     if len(low) > 4:  # a tone that lacks a letter may be read as its opposite: "wamer"
         near += known("state", "turn") & {a + c + b for a, b in cut for c in ascii_lowercase}
     right = known().intersection(near)
+    before = found.string[: found.start()].lower().split()[-1:]
+    if right and DETERMINERS.intersection(before):  # "the stele gold" names a thing, no steel
+        after = scanned(found.string[found.end() :])[:1]
+        if not after or after[0].color or after[0].kind in AFTER_THING:
+            right = right - known("material") - colors.colors().keys()
     return min(right, key=lambda each: (numbers.get(each, len(numbers)), each), default=word)
 
 

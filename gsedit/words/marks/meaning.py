@@ -36,6 +36,7 @@ FROM_SIDE = re.compile(r" from (?:the )?(?:left|right|front|behind|above|below)(
 """The side that light comes from, behind a phrase of what it falls on."""
 SUBJECT = re.compile(r"^(?:the )?(?:subject|main thing|main object)$")
 """Phrases of the subject."""
+TIMES = lights("time")
 SOLID = ("material", "paint", "growth", "object")
 MADE = ("the clone", "the new one", "the duplicate", "the second one", "the copied one")
 LONG = re.compile(
@@ -44,6 +45,11 @@ LONG = re.compile(
     re.IGNORECASE | re.DOTALL,
 )
 """Shadows of a low sun."""
+SHORT = re.compile(
+    r"^(?!.*\b(?:less|not?|longer)\b).*(?:\bshort(?:er|en)?(?: \w+){0,2} shadows?\b|"
+    r"\bshadows?(?: \w+){0,2} short(?:er)?\b)", re.IGNORECASE | re.DOTALL,
+)
+"""Shadows of a high sun."""
 LIT = re.compile(r"\b(?:only|just|alone|solely)\b", re.IGNORECASE)
 """Words that make of a light on a thing a light on that thing alone."""
 
@@ -59,7 +65,7 @@ def changes_of(said: Marked, files: Sequence[str] = ()) -> list[Change]:
         if left and (put or asked.deed == "insert"):
             change = inserted(left.pop(0), asked)
         else:
-            change = _low_sun(asked, said.text) or _change(asked, said.text)
+            change = _sun(asked, said) or _change(asked, said.text)
             change = _placed(change, asked, said.text, last)
         found.append(change)
         if change.route == "style":
@@ -93,16 +99,23 @@ def _refuse_two(changes: Sequence[Change]) -> None:
     """Raise Refused for two coats of one part, and for two times of day."""
     coats = [(c.target, c.phrase) for c in changes if c.kind in ("paint", "material")
              and c.name != values.GLOW]  # fmt: skip
-    times = [c for c in changes if c.kind == "light" and light_of(c.name) in lights("time")]
+    times = [c for c in changes if c.kind == "light" and light_of(c.name) in TIMES]
     if len(set(coats)) < len(coats) or len(times) > 1:
         raise Refused("two")
 
 
-def _low_sun(asked: Asked, text: str) -> Change | None:
-    """The light that long shadows are asked for by; None where another is named beside them."""
-    of_shadows = asked.deed in ("light", "other") or (asked.deed, asked.tone) == ("tone", "shadows")
-    if not of_shadows or not LONG.search(text):
+def _sun(asked: Asked, said: Marked) -> Change | None:
+    """The light that long or short shadows are asked for by, or the one that another change names;
+    None where one is named beside them."""
+    text, toned = said.text, (asked.deed, asked.tone) == ("tone", "shadows")
+    if toned and SHORT.search(text):
+        return values.light("noon")
+    if not (toned or asked.deed in ("light", "other")) or not LONG.search(text):
         return None
+    if LONG.search(asked.name) or toned:
+        named = (values.light(each.name, asked.side) for each in said.asked if each.deed == "light")
+        if light := next((each for each in named if each and light_of(each.name) in TIMES), None):
+            return light
     named = None if LONG.search(asked.name) else values.light(asked.name)
     if named is not None and (named.name != "dusk" or "dusk" in asked.name):
         return None  # "evening" alone is dusk, when the sun casts none
@@ -153,7 +166,10 @@ def _change(asked: Asked, text: str) -> Change:
 
 
 def led(name: str, text: str) -> str:
-    """A name with the words for a finish or a shade that stand right before it in the text."""
+    """A name with the words for a finish or a shade that stand right before it in the text, and
+    that for a finish behind it."""
+    if f"{name} finish" in text and values.finish(f"{name} finish"):
+        return f"{name} finish"
     before = text[: text.find(name)].split() if name and name in text else []
     while before and (word := scanned(before[-1])) and len(word) == 1:
         if word[0].kind != "finish" and not word[0].has("shade"):
