@@ -38,9 +38,8 @@ def chips_of(
         line.append(_what(reading, i, whole, any((i, "color") == (k.index, k.kind) for k in knobs)))
         line += [_knob(n, knob) for n, knob in enumerate(knobs) if knob.index == i]
         lines.append(f'<div class="line">{" ".join(line)}</div>')
-    for words in map(escape, reading.instruction.unread):
-        told = f"not read: {words}"
-        lines.append(f'<span class="chip unread" role="note" aria-label="{told}">{told}</span>')
+    note = '<span class="chip unread" role="note" aria-label="not read: {0}">not read: {0}</span>'
+    lines += [note.format(escape(words)) for words in reading.instruction.unread]
     return "".join(lines)
 
 
@@ -108,7 +107,8 @@ def _what(reading: Reading, index: int, part: str, colored: bool) -> str:
     """Words or a list for the change, with its color unless that is `colored` beside it."""
     change = reading.instruction.changes[index]
     stuff = MATERIALS.get(change.name) if change.kind == "material" else None
-    shown = "" if colored else _swatch(change.color or (stuff and stuff.color))
+    color = "" if colored else change.color or (stuff and stuff.color)
+    shown = f'<i class="swatch" style="background:{escape(color)}"></i>' if color else ""
     alone = len(reading.instruction.changes) == 1 or change.name.lower() in reading.text.lower()
     known: Iterable[str] = ()
     if alone and change.kind in SAYS:
@@ -144,7 +144,3 @@ def _select(action: str, label: str, options: dict[str, str], value: str) -> str
         for k, v in options.items()
     )
     return f'<select class="chip" data-do="{action}" aria-label="{escape(label)}">{each}</select>'
-
-
-def _swatch(color: str | None) -> str:
-    return f'<i class="swatch" style="background:{escape(color)}"></i>' if color else ""

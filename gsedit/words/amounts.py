@@ -83,14 +83,13 @@ def _number(words: list[Word], at: int, number: float) -> Amount | None:
             return Amount(factor=number)
         case "degrees":
             return Amount(turn=number / 360)
-    added = word.text[0] in "+-" or (before is not None and before.text == "by")
-    added |= any(each.kind in ("up", "down") for each in words)
+    signed = word.text[0] in "+-" or (before is not None and before.text == "by")
+    added = signed or any(each.kind in ("up", "down") for each in words)
     if "." in word.text or "/" in word.text:
         return Amount(share=number) if added and abs(number) < 1 else Amount(factor=number)
-    plain = word.text[0] in "+-" or (before and before.text == "by")
     if before and before.text in OF_NOW and number > 1:
         return Amount(factor=number / 100)
-    return Amount(share=number / 100) if plain else None
+    return Amount(share=number / 100) if signed else None
 
 
 def _percent(words: list[Word], at: int, share: float) -> Amount:
@@ -105,9 +104,8 @@ def _fraction(words: list[Word], at: int, share: float) -> Amount:
     before = [word.text for word in words[max(at - 4, 0) : at]]
     after = words[at + 1].text if at + 1 < len(words) else ""
     noun = at + 1 < len(words) and words[at + 1].kind == "noun"
-    remains = after == "as" or (after in ("of", "the") and "by" not in before) or "to" in before
-    remains |= noun
-    return Amount(factor=share) if remains else Amount(share=share)
+    remains = noun or after == "as" or (after in ("of", "the") and "by" not in before)
+    return Amount(factor=share) if remains or "to" in before else Amount(share=share)
 
 
 DEFAULT = {"brightness": 0.2, "contrast": 0.25, "saturation": 0.3, "warmth": 0.25, "hue": 1 / 12,

@@ -51,10 +51,6 @@ def test_every_control_has_a_name_and_nothing_of_the_sentence_is_html():
     for control in re.findall(r"<(?:select|input)[^>]*>", told):
         assert "aria-label" in control or '<label class="amount">' in told
     assert "<b>" not in chips("paint the <b>red</b> one blue")[0]
-    reading = read("paint it red")
-    left = replace(reading, instruction=replace(reading.instruction, unread=("tires <b>",)))
-    assert 'role="note" aria-label="not read: tires &lt;b&gt;"' in chips_of(left, (), heard)
-    assert "not read" not in chips_of(reading, (), heard)
 
 
 @pytest.mark.parametrize(
@@ -72,7 +68,10 @@ def test_what_a_refusal_offers_is_a_button_where_it_is_read(text, offered):
     assert bool(found) == (text != "undo")
 
 
-def test_what_was_not_read_can_be_accepted():
-    reading = read("paint it zorp")
-    unread = replace(reading, instruction=replace(reading.instruction, refusal="unread"))
+def test_what_was_not_read_is_told_and_can_be_accepted():
+    reading = read("paint it red")
+    left = replace(reading.instruction, refusal="unread", unread=("tires <b>",))
+    unread = replace(reading, instruction=left)
     assert 'data-do="accept"' in offers(unread, ())
+    assert 'role="note" aria-label="not read: tires &lt;b&gt;"' in chips_of(unread, (), heard)
+    assert "not read" not in chips_of(reading, (), heard)

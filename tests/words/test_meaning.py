@@ -206,10 +206,10 @@ def test_a_shadow_is_no_object():
 
 
 def test_long_shadows_are_those_of_a_low_sun():
-    told = ("give it long evening shadows", "make the shadows longer", "moonlight with long shadows",
-            "dawn with long shadows from the right", "shorter shadows")  # fmt: skip
+    told = ("give it long evening shadows", "make the shadows longer", "shorter shadows",
+            "moonlight with long shadows", "dawn with long shadows from the right")  # fmt: skip
     read = [change.name for each in told for change in read_instruction(each).changes]
-    assert read == ["sunset", "sunset", "moonlight", "sunrise from the right", "noon"]
+    assert read == ["sunset", "sunset", "noon", "moonlight", "sunrise from the right"]
 
 
 @pytest.mark.parametrize("why", REASONS.values())

@@ -20,9 +20,9 @@ def test_voices_are_understood_and_hardly_any_is_done_the_opposite_way(name, lea
     assert sum(each in GOOD for each in grades) >= least * len(grades)
 
 
-@pytest.mark.parametrize(("phrase", "grade"), [("the pump", "right"), ("the gate", "partly")])
-def test_a_pronoun_is_the_thing_named_last(phrase, grade):
+def test_a_pronoun_is_the_thing_named_last():
+    asked = [{"do": "scale", "of": "the pump"}, {"do": "remove", "of": "it"}]
     larger = Change("subject", "object", "scale", None, 0.5, "object", "the pump")
-    painted = Change("subject", "paint", "red", "#ff0000", None, "paint", phrase)
-    asked = [{"do": "scale", "of": "the pump"}, {"do": "paint", "name": "red", "of": "it"}]
-    assert compared([larger, painted], asked)[0] == grade
+    for phrase, grade in (("the pump", "right"), ("the gate", "partly")):
+        gone = Change("subject", "object", "remove", None, None, "object", phrase)
+        assert compared([larger, gone], asked)[0] == grade

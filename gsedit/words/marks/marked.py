@@ -21,7 +21,7 @@ WORD = re.compile(r"[^\W\d_]+|\d+(?:[.,]\d+)?|\S")
 LONGEST_WORD = 40
 """Letters of a word that is still cut into pieces."""
 AFTER_THING = ("color", "material", "finish", "state", "turn", "mark", "made", "fill", "conj")
-"""Kinds of words behind the name of a thing."""
+"""Kinds of words behind the name of a thing: "the stele gold" is not of steel."""
 MOST_PIECES = 160
 """Pieces of a sentence that are read."""
 FIRST, LAST, UNKNOWN = "[CLS]", "[SEP]", "[UNK]"
@@ -88,8 +88,7 @@ def _spelled(found: re.Match[str]) -> str:
     if len(low) > 4:  # a tone that lacks a letter may be read as its opposite: "wamer"
         near += known("state", "turn") & {a + c + b for a, b in cut for c in ascii_lowercase}
     right = known().intersection(near)
-    before = found.string[: found.start()].lower().split()[-1:]
-    if right and DETERMINERS.intersection(before):  # "the stele gold" names a thing, no steel
+    if right and DETERMINERS.intersection(found.string[: found.start()].lower().split()[-1:]):
         after = scanned(found.string[found.end() :])[:1]
         if not after or after[0].color or after[0].kind in AFTER_THING:
             right = right - known("material") - colors.colors().keys()

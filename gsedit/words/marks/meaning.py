@@ -28,15 +28,12 @@ SCALES = {"": 1.0, "little": SLIGHT, "much": STRONG}
 """Shares of a tone's usual amount."""
 PAINTED = re.compile(r"\b(?:paint|painted|dye|dyed|colou?r|coat of)\b", re.IGNORECASE)
 """Words that make a paint of what is a material too: "paint it gold"."""
-MIXED = re.compile(r"\b(?:mix|mixed|mixture|blend|blended|cross)\b", re.IGNORECASE)
-"""Words that make one look of two."""
 INSIDE = re.compile(r"\w (?:in|from) the (?:background|surroundings?|scenery)$")
 """Phrases of things that are in the background, not of the background."""
 FROM_SIDE = re.compile(r" from (?:the )?(?:left|right|front|behind|above|below)(?: side)?$")
 """The side that light comes from, behind a phrase of what it falls on."""
 SUBJECT = re.compile(r"^(?:the )?(?:subject|main thing|main object)$")
 """Phrases of the subject."""
-TIMES = lights("time")
 SOLID = ("material", "paint", "growth", "object")
 MADE = ("the clone", "the new one", "the duplicate", "the second one", "the copied one")
 LONG = re.compile(
@@ -45,10 +42,7 @@ LONG = re.compile(
     re.IGNORECASE | re.DOTALL,
 )
 """Shadows of a low sun."""
-SHORT = re.compile(
-    r"^(?!.*\b(?:less|not?|longer)\b).*(?:\bshort(?:er|en)?(?: \w+){0,2} shadows?\b|"
-    r"\bshadows?(?: \w+){0,2} short(?:er)?\b)", re.IGNORECASE | re.DOTALL,
-)
+SHORT = re.compile(r"(?<!no )\bshort(?:er|en)?(?: \w+){0,2} shadow|\bshadows? (?:\w+ )?short", re.I)
 """Shadows of a high sun."""
 LIT = re.compile(r"\b(?:only|just|alone|solely)\b", re.IGNORECASE)
 """Words that make of a light on a thing a light on that thing alone."""
@@ -69,8 +63,7 @@ def changes_of(said: Marked, files: Sequence[str] = ()) -> list[Change]:
             change = _placed(change, asked, said.text, last)
         found.append(change)
         if change.route == "style":
-            words = said.text if MIXED.search(said.text) else asked.name
-            others = (each for each in values.mixed(words) if each != change.name)
+            others = (each for each in values.mixed(asked.name) if each != change.name)
             found += [replace(change, name=each) for each in others]
         if change.target == "subject" and change.phrase not in ("", IT):
             last = change.phrase
@@ -99,28 +92,26 @@ def _refuse_two(changes: Sequence[Change]) -> None:
     """Raise Refused for two coats of one part, and for two times of day."""
     coats = [(c.target, c.phrase) for c in changes if c.kind in ("paint", "material")
              and c.name != values.GLOW]  # fmt: skip
-    times = [c for c in changes if c.kind == "light" and light_of(c.name) in TIMES]
+    times = [c for c in changes if c.kind == "light" and light_of(c.name) in lights("time")]
     if len(set(coats)) < len(coats) or len(times) > 1:
         raise Refused("two")
 
 
 def _sun(asked: Asked, said: Marked) -> Change | None:
-    """The light that long or short shadows are asked for by, or the one that another change names;
-    None where one is named beside them."""
+    """The light that the length of shadows asks for; None where one is named beside it."""
     text, toned = said.text, (asked.deed, asked.tone) == ("tone", "shadows")
     if toned and SHORT.search(text):
         return values.light("noon")
     if not (toned or asked.deed in ("light", "other")) or not LONG.search(text):
         return None
-    if LONG.search(asked.name) or toned:
-        named = (values.light(each.name, asked.side) for each in said.asked if each.deed == "light")
-        if light := next((each for each in named if each and light_of(each.name) in TIMES), None):
-            return light
     named = None if LONG.search(asked.name) else values.light(asked.name)
     if named is not None and (named.name != "dusk" or "dusk" in asked.name):
         return None  # "evening" alone is dusk, when the sun casts none
+    names = (each.name for each in said.asked if each.deed == "light" and each is not asked)
+    others = (values.light(name, asked.side) for name in names if not LONG.search(name))
     side = asked.side if " from " in text else ""  # a shadow behind it is of light in front
-    return values.light("low sun", side, asked.degree)
+    low = values.light("low sun", side, asked.degree)
+    return next((each for each in others if each and light_of(each.name) in lights("time")), low)
 
 
 def _change(asked: Asked, text: str) -> Change:
@@ -166,8 +157,7 @@ def _change(asked: Asked, text: str) -> Change:
 
 
 def led(name: str, text: str) -> str:
-    """A name with the words for a finish or a shade that stand right before it in the text, and
-    that for a finish behind it."""
+    """A name with the words for a finish or a shade that stand right beside it in the text."""
     if f"{name} finish" in text and values.finish(f"{name} finish"):
         return f"{name} finish"
     before = text[: text.find(name)].split() if name and name in text else []

@@ -6,7 +6,7 @@ import re
 from dataclasses import replace
 from functools import lru_cache
 
-from gsedit.words import colors, lexicon
+from gsedit.words import lexicon
 from gsedit.words.amounts import Amount, tone
 from gsedit.words.instruction import Change
 from gsedit.words.lexicon import routed
@@ -129,8 +129,7 @@ def paint(name: str) -> Change | None:
     """The color that words name, with its finish; None for none."""
     words = scanned(name)
     colored = [word for word in words if word.color]
-    if not colored and (found := _some_color(name)):
-        colored = [found]
+    colored = colored or [w for each in tokens(name) for w in scanned(each) if w.color]
     if not colored:
         return None
     word = max(colored, key=lambda each: len(each.text))
@@ -148,16 +147,6 @@ def finish(name: str) -> Change | None:
     if not said or bare.startswith("shine") or alone:
         return None
     return Change("subject", "material", f"{said} finish", None, None, "material")
-
-
-def _some_color(name: str) -> Word | None:
-    """The longest name of a color within words."""
-    tokens = normalised(name).split()
-    for start in range(len(tokens)):
-        if found := colors.longest(tokens[start:]):
-            text = " ".join(tokens[start : start + found[0]])
-            return Word(text, "color", text, color=found[1])
-    return None
 
 
 def color_of(name: str) -> str | None:
