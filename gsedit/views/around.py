@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from math import radians, tau
 
 import torch
 from jaxtyping import Float
@@ -18,7 +19,7 @@ from gsedit.scene.framing import bounds, guess_up
 from gsedit.scene.merging import coarsen
 from gsedit.views.dataset import Dataset
 from gsedit.views.normals import normals_of_depth
-from gsedit.views.orbit import ELEVATION, orbit, perpendicular, unit_up
+from gsedit.views.orbit import ELEVATION, orbit, perpendicular, towards, unit_up
 from gsedit.views.search import (
     BLUR,
     BLURRED,
@@ -26,12 +27,14 @@ from gsedit.views.search import (
     FOV,
     OPAQUE,
     Places,
+    Sample,
     SearchEffort,
     ViewConstraints,
     cones,
     directions_around,
     draw_sample,
     find_places,
+    panorama,
     score_panorama,
 )
 from gsedit.views.viewpoints import Viewpoint, rendered
@@ -104,19 +107,23 @@ NARROW = 0.96
 
 
 def find_up(
-    directions: Float[Tensor, "d 3"], normals: Float[Tensor, "n 3"], forwards: Float[Tensor, "v 3"]
+    directions: Float[Tensor, "d 3"],
+    normals: Float[Tensor, "n 3"],
+    forwards: Float[Tensor, "v 3"] | None = None,
 ) -> Float[Tensor, "3"] | None:
     """The upward unit vector, float64; None where nothing says.
 
-    Of `directions`, the one that most of the surfaces in view face, while the views look across it:
-    a person holds a camera level, so that a wall, which one view faces, is one that others look
-    along. Twice the mean square of forward . up is 1 for a wall's normal in a room.
+    Of `directions`, the one that most of the surfaces in view face, while the views, if any are
+    given, look across it: a person holds a camera level, so that a wall, which one view faces, is
+    one that others look along. Twice the mean square of forward . up is 1 for a wall's normal in a
+    room.
     """
     if not len(normals):
         return None
     facing = ((normals @ directions.T) > NARROW).double().mean(0)
-    across = (1 - 2 * (forwards @ directions.T).square().mean(0)).clamp_min(0)
-    score = facing * across
+    score = facing
+    if forwards is not None:
+        score = facing * (1 - 2 * (forwards @ directions.T).square().mean(0)).clamp_min(0)
     best = int(score.argmax())
     if float(facing[best]) < 0.06 or float(score[best]) <= 0:
         return None
@@ -133,6 +140,21 @@ SURROUNDED = 0.5
 object alone hides at most half of them from a place outside it."""
 ADMITTED = 1.0
 """A view is admitted whose score is at most this far below the best one's."""
+CORE = 2.6
+"""Radius of a ring in the distances within which a quarter of all Gaussians lie: 2.4 to 2.7 in
+seven fits of three captures."""
+SIDES = 100
+"""Directions from which the middle of a scene is looked at."""
+ONE_SIDED, CLOSED = 0.6, 0.9
+"""How much better the views from above the ground are at least (1.1 to 3.2 in these fits; 0.3 and
+0.2 around a room and an object alone), and their least opacity."""
+STEPS = ((15.0, 1.0), (30.0, 1.0), (45.0, 1.0), (25.0, 0.75))
+"""Elevations, degrees, and distances, in radii of the ring, in the order in which they are liked:
+every other view begins with the second."""
+AS_CLEAR = 0.5
+"""How much less clear than the best of its steps a view may be."""
+HAZE = 0.25
+"""Near plane of views on a ring, in its radii: floaters hang about where cameras were."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,6 +163,8 @@ class ScoredView:
 
     camera: Camera
     score: float
+    clear: float
+    """The score without the number of Gaussians a pixel: 4 is opaque, and all in one place."""
     weights: Float[Tensor, " n"]
     """How much of each Gaussian, in pixels."""
     depth: Float[Tensor, "h w"]
@@ -181,7 +205,11 @@ def find_views(
     apart = (scene.means - scene.means.median(0).values).norm(dim=-1).median()
     if free and apart <= scene.scales.amax(-1).median():  # no place among them to stand at
         return _orbits(scene, count, size, wish.up, rings)
-    places = find_places(draw_sample(scene, generator), wish, generator, effort)
+    sample = draw_sample(scene, generator)
+    ring = find_ring(scene, sample, wish.up) if free else None
+    if ring is not None:
+        return tuple(camera.resized(size, size) for camera in _on_ring(scene, ring, count))
+    places = find_places(sample, wish, generator, effort)
     if free and places.enclosed < SURROUNDED:
         return _orbits(scene, count, size, wish.up, rings)
     judged = _judged(scene, places, count, wish, generator, ball.near, effort)
@@ -200,6 +228,73 @@ def _orbits(
     each = max(1, count // len(rings))
     around = (orbit(scene, each, size, up=up, elevation=e, alone=True) for e in rings)
     return tuple(camera for ring in around for camera in ring)
+
+
+@dataclass(frozen=True, eq=False)
+class Ring:
+    """Where a subject and what is around it look as if they were captured from."""
+
+    middle: Float[Tensor, "3"]
+    up: Float[Tensor, "3"]
+    radius: float
+
+    def seen(
+        self, scene: Gaussians, direction: Float[Tensor, "3"], distance: float = 1.0
+    ) -> ScoredView:
+        """The view of the middle from a unit direction, at a distance in radii."""
+        eye = self.middle + distance * self.radius * direction
+        camera = look_at(eye, self.middle, self.up, FOV, SMALL, SMALL)
+        return score_render(scene, replace(camera, near=HAZE * self.radius))
+
+
+def find_ring(
+    scene: Gaussians, sample: Sample, up: Float[Tensor, "3"] | None = None
+) -> Ring | None:
+    """The ring around the densest part of a scene; None where nothing is around that, as around an
+    object alone, or where it looks no better from one side, as a room from outside.
+
+    Above the ground things look sharp and closed, and from below they do not: the mean of all
+    directions, weighted by the scores of the panoramas there, is about up. Up itself is then the
+    direction that most surfaces face in good views from above.
+    """
+    means = scene.means.double()
+    middle = means[scene.opacities >= scene.opacities.median()].median(0).values
+    radius = CORE * float((means - middle).norm(dim=-1).sort().values[len(means) // 4])
+    directions = directions_around(SIDES).double()
+    scores = torch.cat([
+        score_panorama(panorama(sample, middle + radius * each), mask[None])
+        for each, mask in zip(directions, cones(-directions))
+    ]).double()  # fmt: skip
+    rough = unit_up((scores - scores.mean()) @ directions) if up is None else up
+    height = directions @ rough
+    if float(scores[height > 0.2].mean() - scores[height < -0.2].mean()) < ONE_SIDED:
+        return None
+    ring = Ring(middle, rough, radius)
+    above = (height.abs() < 0.9).nonzero()[:, 0]
+    above = above[height[above] > -0.1]
+    best = above[scores[above].argsort(descending=True)[:FOUND_VIEWS]]
+    seen = [ring.seen(scene, each) for each in directions[best]]
+    if float(torch.stack([view.weights.sum() for view in seen]).median()) < CLOSED * SMALL**2:
+        return None
+    if up is None:
+        near = directions_around(1000).double()
+        found = find_up(near[near @ rough > 0.5], _normals(seen))
+        ring = replace(ring, up=rough if found is None else found)
+    return replace(ring, middle=middle + 0.1 * radius * ring.up)  # the ground is dense, too
+
+
+def _on_ring(scene: Gaussians, ring: Ring, count: int) -> list[Camera]:
+    """`count` views evenly around; each is the first of STEPS that is nearly the best of them."""
+    east, chosen = perpendicular(ring.up), []
+    for i in range(count):
+        steps = STEPS if i % 2 == 0 else (STEPS[1], STEPS[0], *STEPS[2:])
+        judged = [
+            ring.seen(scene, towards(ring.up, east, tau * i / count, radians(elevation)), distance)
+            for elevation, distance in steps
+        ]
+        best = max(view.clear for view in judged)
+        chosen.append(next(view.camera for view in judged if view.clear >= best - AS_CLEAR))
+    return chosen
 
 
 def candidates(places: Places, target: Float[Tensor, "3"] | None, count: int) -> Candidates:
@@ -259,8 +354,8 @@ def score_render(scene: Gaussians, camera: Camera) -> ScoredView:
     depth = drawn.median_depth
     spread = (drawn.depth / depth.clamp_min(1e-9) - 1).abs().clamp_max(1)[depth > 0]
     spread = spread.mean() if len(spread) else torch.tensor(1.0)
-    score = detail + OPAQUE * drawn.alpha.mean() - BLUR * blurred - SPREAD * spread
-    return ScoredView(camera, float(score), weights, depth)
+    clear = float(OPAQUE * drawn.alpha.mean() - BLUR * blurred - SPREAD * spread)
+    return ScoredView(camera, float(detail) + clear, clear, weights, depth)
 
 
 def cover(found: Sequence[ScoredView], count: int) -> list[int]:
@@ -335,8 +430,12 @@ def _admitted(judged: Sequence[ScoredView]) -> list[ScoredView]:
 
 def _up(scene: Gaussians, judged: Sequence[ScoredView]) -> Float[Tensor, "3"]:
     """Up, from good views in any direction; where they do not say, from the densest layer."""
-    maps = torch.cat([normals_of_depth(view.camera, view.depth, 1) for view in judged])
-    normals = maps[maps.any(-1)].double()
     forwards = torch.stack([view.camera.forward for view in judged])
-    up = find_up(directions_around(1000).double(), normals, forwards)
+    up = find_up(directions_around(1000).double(), _normals(judged), forwards)
     return guess_up(scene) if up is None else up
+
+
+def _normals(judged: Sequence[ScoredView]) -> Float[Tensor, "n 3"]:
+    """The normals of what the views show."""
+    maps = torch.cat([normals_of_depth(view.camera, view.depth, 1) for view in judged])
+    return maps[maps.any(-1)].double()

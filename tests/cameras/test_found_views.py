@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import numpy as np
 import torch
+from plain_scenes import discs
 
+from gsedit.scene.quaternions import axis_rotation
+from gsedit.scene.similarity import Similarity
+from gsedit.scene.table import gaussians_of, table_of
 from gsedit.views import search
 from gsedit.views.around import find_up, find_views
+from gsedit.views.paths import up_of
 from gsedit.views.search import SearchEffort, ViewConstraints
 from rasterizer import Gaussians, concatenate
 
@@ -77,6 +83,27 @@ def test_an_object_alone_is_seen_from_around_it():
     cameras = find_views(splats(ball, torch.full_like(ball, 0.08)), 4, 32, effort=FEW)
     assert all(camera.center.norm() > 1.5 for camera in cameras)
     assert float(torch.stack([c.center for c in cameras]).mean(0).norm()) < 1.5
+
+
+def test_a_subject_is_seen_from_all_sides_above_its_ground_in_any_frame():
+    g = torch.Generator().manual_seed(4)
+    outward = torch.nn.functional.normalize(torch.randn(1800, 3, generator=g), dim=-1)
+    ball, far = outward[:1400], 12 * outward[1400:]
+    line, down = torch.linspace(-4, 4, 40), torch.tensor([0.0, 0, -1])
+    ground = torch.cartesian_prod(line, line, torch.tensor([-0.5]))
+    far = far[far[:, 2] > -0.5]
+    background = splats(far, torch.full_like(far, 1.5))
+    scene = discs(0.5 * ball, ball, 0.03), discs(ground, -down.expand(1600, 3), 0.12)
+    turn = Similarity(axis_rotation(np.array([0.3, 0.8, -0.5]), 115.0), 0.1, np.array([7.0, -8, 9]))
+    moved = gaussians_of(turn.table(table_of(concatenate(*scene, background))))
+    cameras = find_views(moved, 8, 32)
+    up = torch.from_numpy(-turn.turn @ down.double().numpy())
+    assert float(up_of(cameras) @ up) > 0.99
+    offsets = torch.stack([c.center for c in cameras]) - torch.from_numpy(turn.translation)
+    assert (offsets @ up > 0.01).all()
+    assert float(offsets.norm(dim=-1).amax()) < 0.4
+    level = offsets - (offsets @ up)[:, None] * up
+    assert float(level.mean(0).norm()) < 0.3 * float(level.norm(dim=-1).mean())
 
 
 def test_the_same_scene_gives_the_same_views():
