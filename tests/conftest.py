@@ -38,7 +38,7 @@ def quick_search(monkeypatch):
     from gsedit.views.around import find_views
     from gsedit.views.search import SearchEffort
 
-    few = SearchEffort(places=12, kept=4, rendered=8, varied=4)
+    few = SearchEffort(places=12, kept=4, rendered=8)
 
     def find(scene, count, size, **options):
         return find_views(scene, count, min(size, 64), effort=few, **options)

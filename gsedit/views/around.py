@@ -1,13 +1,13 @@
 """Views of a scene that came without cameras, from where it looks as if it was captured: judged by
-small renders, level, few; and renders from them.
-
-`c` candidates, `n` Gaussians.
+small renders, level, few; and renders from them. `n` Gaussians.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from math import radians, tau
 
 import torch
 from jaxtyping import Float
@@ -18,7 +18,7 @@ from gsedit.scene.framing import bounds, guess_up
 from gsedit.scene.merging import coarsen
 from gsedit.views.dataset import Dataset
 from gsedit.views.normals import normals_of_depth
-from gsedit.views.orbit import ELEVATION, orbit, perpendicular, unit_up
+from gsedit.views.orbit import ELEVATION, Vector, orbit, perpendicular, towards, unit_up
 from gsedit.views.search import (
     BLUR,
     BLURRED,
@@ -26,12 +26,14 @@ from gsedit.views.search import (
     FOV,
     OPAQUE,
     Places,
+    Sample,
     SearchEffort,
     ViewConstraints,
     cones,
     directions_around,
     draw_sample,
     find_places,
+    panorama,
     score_panorama,
 )
 from gsedit.views.viewpoints import Viewpoint, rendered
@@ -49,10 +51,10 @@ FOUND_SIZE_PIXELS = 256
 def around(
     scene: Gaussians,
     size: int = FOUND_SIZE_PIXELS,
-    up: Float[Tensor, "3"] | None = None,
+    up: Vector | None = None,
     *,
-    look_at: Float[Tensor, "3"] | None = None,
-    eye: Float[Tensor, "3"] | None = None,
+    look_at: Vector | None = None,
+    eye: Vector | None = None,
 ) -> Dataset:
     """Render a scene, `size` pixels square, from where it looks as if it was captured.
 
@@ -93,10 +95,7 @@ def cameras_of(
     size: int = FOUND_SIZE_PIXELS,
 ) -> Sequence[Camera]:
     """The cameras, or found ones where there are none: see `find_viewpoints`."""
-    if cameras:
-        return cameras
-    found = find_viewpoints(scene, count, size)
-    return [each.camera for each in found]
+    return cameras or [each.camera for each in find_viewpoints(scene, count, size)]
 
 
 NARROW = 0.96
@@ -104,19 +103,22 @@ NARROW = 0.96
 
 
 def find_up(
-    directions: Float[Tensor, "d 3"], normals: Float[Tensor, "n 3"], forwards: Float[Tensor, "v 3"]
-) -> Float[Tensor, "3"] | None:
+    directions: Float[Tensor, "d 3"],
+    normals: Float[Tensor, "n 3"],
+    forwards: Float[Tensor, "v 3"] | None = None,
+) -> Vector | None:
     """The upward unit vector, float64; None where nothing says.
 
-    Of `directions`, the one that most of the surfaces in view face, while the views look across it:
-    a person holds a camera level, so that a wall, which one view faces, is one that others look
+    Of `directions`, the one that most of the surfaces in view face, while the views (if given) look
+    across it: cameras are held level, so that a wall, which one view faces, is one that others look
     along. Twice the mean square of forward . up is 1 for a wall's normal in a room.
     """
     if not len(normals):
         return None
     facing = ((normals @ directions.T) > NARROW).double().mean(0)
-    across = (1 - 2 * (forwards @ directions.T).square().mean(0)).clamp_min(0)
-    score = facing * across
+    score = facing
+    if forwards is not None:
+        score = facing * (1 - 2 * (forwards @ directions.T).square().mean(0)).clamp_min(0)
     best = int(score.argmax())
     if float(facing[best]) < 0.06 or float(score[best]) <= 0:
         return None
@@ -133,6 +135,18 @@ SURROUNDED = 0.5
 object alone hides at most half of them from a place outside it."""
 ADMITTED = 1.0
 """A view is admitted whose score is at most this far below the best one's."""
+CORE = 2.6
+"""Radius of a ring in the distances within which a quarter of all Gaussians lie: 2.4 to 2.7 in
+seven fits of three captures."""
+ONE_SIDED = 0.6
+"""How much better the views from above the ground are at least: 1.1 to 3.2 in these fits, at most
+0.3 around three rooms."""
+STEPS = ((15.0, 1.0), (30.0, 1.0), (45.0, 1.0), (25.0, 0.75))
+"""Elevations, degrees, and distances, in radii of the ring, in the order in which they are liked;
+the later half of the views, between the others, does without the first."""
+AS_CLEAR, HAZE = 0.5, 0.25
+"""How much less clear than the best of its steps a view may be; and the near plane on a ring, in
+its radii: floaters hang about where cameras were."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,21 +155,12 @@ class ScoredView:
 
     camera: Camera
     score: float
+    clear: float
+    """The score without the number of Gaussians a pixel: 4 is opaque, and all in one place."""
     weights: Float[Tensor, " n"]
     """How much of each Gaussian, in pixels."""
     depth: Float[Tensor, "h w"]
     """Median depth along the view."""
-
-
-@dataclass(frozen=True, eq=False)
-class Candidates:
-    """Views by place and direction, with the score of the panorama there."""
-
-    eyes: Float[Tensor, "c 3"]
-    forwards: Float[Tensor, "c 3"]
-    scores: Float[Tensor, " c"]
-    reach: Float[Tensor, " c"]
-    """Distance of what each place sees: the scale on which places differ."""
 
 
 def find_views(
@@ -181,10 +186,13 @@ def find_views(
     apart = (scene.means - scene.means.median(0).values).norm(dim=-1).median()
     if free and apart <= scene.scales.amax(-1).median():  # no place among them to stand at
         return _orbits(scene, count, size, wish.up, rings)
-    places = find_places(draw_sample(scene, generator), wish, generator, effort)
+    sample = draw_sample(scene, generator)
+    if free and (ring := find_ring(scene, sample, wish.up)):
+        return tuple(camera.resized(size, size) for camera in _on_ring(scene, ring, count))
+    places = find_places(sample, wish, generator, effort)
     if free and places.enclosed < SURROUNDED:
         return _orbits(scene, count, size, wish.up, rings)
-    judged = _judged(scene, places, count, wish, generator, ball.near, effort)
+    judged = _judged(scene, places, wish, ball.near, effort)
     up = _up(scene, judged) if wish.up is None else wish.up
     chosen = [upright(judged[i].camera, up) for i in cover(judged, count)]
     if wish.eye is not None and wish.look_at is not None:  # the first view is the very one
@@ -194,7 +202,7 @@ def find_views(
 
 
 def _orbits(
-    scene: Gaussians, count: int, size: int, up: Float[Tensor, "3"] | None, rings: Sequence[float]
+    scene: Gaussians, count: int, size: int, up: Vector | None, rings: Sequence[float]
 ) -> tuple[Camera, ...]:
     """An orbit at each elevation, `count` cameras in all."""
     each = max(1, count // len(rings))
@@ -202,42 +210,75 @@ def _orbits(
     return tuple(camera for ring in around for camera in ring)
 
 
-def candidates(places: Places, target: Float[Tensor, "3"] | None, count: int) -> Candidates:
-    """Every place with `count` directions all around it, or with that of the target."""
-    reach = torch.stack([view.reach for view in places.views])
-    if target is not None:
-        forwards = torch.nn.functional.normalize(target.float() - places.points, dim=-1)
-        masks = cones(forwards)
-        scores = [score_panorama(view, mask[None])[0] for view, mask in zip(places.views, masks)]
-        return Candidates(places.points, forwards, torch.stack(scores), reach)
-    directions = directions_around(count)
-    masks = cones(directions)
-    scores = torch.stack([score_panorama(view, masks) for view in places.views])
-    eyes = places.points.repeat_interleave(count, 0)
-    forwards = directions.repeat(len(places.points), 1)
-    return Candidates(eyes, forwards, scores.reshape(-1), reach.repeat_interleave(count))
+@dataclass(frozen=True, eq=False)
+class Ring:
+    """A circle from which a subject and what is around it look as if they were captured."""
+
+    middle: Vector
+    up: Vector
+    radius: float
+
+    def seen(self, scene: Gaussians, direction: Vector, distance: float = 1.0) -> ScoredView:
+        """The view of the middle from a unit direction, at a distance in radii."""
+        eye = self.middle + distance * self.radius * direction
+        camera = look_at(eye, self.middle, self.up, FOV, SMALL, SMALL)
+        return score_render(scene, replace(camera, near=HAZE * self.radius))
 
 
-def upright(camera: Camera, up: Float[Tensor, "3"]) -> Camera:
+def find_ring(scene: Gaussians, sample: Sample, up: Vector | None = None) -> Ring | None:
+    """The ring around the densest part of a scene; None where nothing is around that, as around an
+    object alone, or where it looks no better from one side, as a room from outside.
+
+    Above the ground things look sharp and closed, and from below they do not: the mean of all
+    directions, weighted by the scores of the panoramas there, is about up. Up itself is then the
+    direction that most surfaces face in good views from above.
+    """
+    means = scene.means.double()
+    middle = means[scene.opacities >= scene.opacities.median()].median(0).values
+    radius = CORE * float((means - middle).norm(dim=-1).sort().values[len(means) // 4])
+    directions = directions_around(EFFORT.directions).double()
+    views = [panorama(sample, middle + radius * each) for each in directions]
+    scores = [score_panorama(view, mask[None]) for view, mask in zip(views, cones(-directions))]
+    scores = torch.cat(scores).double()
+    better = torch.nn.functional.normalize((scores - scores.mean()) @ directions, dim=0)
+    rough = better if up is None else unit_up(up)
+    height = directions @ rough
+    above = ((height < 0.9) & (height > -0.1)).nonzero()[:, 0]
+    best = above[scores[above].argsort(descending=True)[:FOUND_VIEWS]]
+    enclosed = Places(directions[best], [views[i] for i in best.tolist()]).enclosed
+    one_sided = float(scores[height > 0.2].mean() - scores[height < -0.2].mean())
+    if not (enclosed >= SURROUNDED and one_sided >= ONE_SIDED):  # not a number: nothing is there
+        return None
+    ring = Ring(middle, rough, radius)
+    if up is None:
+        near, seen = (
+            directions_around(1000).double(),
+            (ring.seen(scene, directions[i]) for i in best),
+        )
+        found = find_up(near[near @ rough > 0.5], _normals(seen))
+        ring = replace(ring, up=rough if found is None else found)
+    return replace(ring, middle=middle + 0.1 * radius * ring.up)  # the ground is dense, too
+
+
+def _on_ring(scene: Gaussians, ring: Ring, count: int) -> list[Camera]:
+    """`count` views all around, each the first of STEPS that is nearly the clearest of them."""
+    east, chosen = perpendicular(ring.up), []
+    for i in range(count):
+        higher = 2 * i >= count
+        turn = partial(towards, ring.up, east, tau * (2 * i + higher) / count)
+        judged = [ring.seen(scene, turn(radians(e)), away) for e, away in STEPS[higher:]]
+        best = max(view.clear for view in judged)
+        chosen.append(next(view.camera for view in judged if view.clear >= best - AS_CLEAR))
+    return chosen
+
+
+def upright(camera: Camera, up: Vector) -> Camera:
     """The camera turned about its view until up is up; as it is if it looks straight up or down."""
     up = torch.nn.functional.normalize(up.double(), dim=0)
     if float((camera.forward @ up).abs()) > 0.99:
         return camera
-    eye = camera.center
-    return look_at(eye, eye + camera.forward, up, FOV, camera.width, camera.height)
-
-
-def pick(views: Candidates, count: int) -> list[int]:
-    """The best views that differ: each one taken lowers the score of its like."""
-    scores, chosen = views.scores.clone(), []
-    for _ in range(min(count, len(scores))):
-        best = int(scores.argmax())
-        chosen.append(best)
-        apart = (views.eyes - views.eyes[best]).norm(dim=-1) / views.reach[best].clamp_min(1e-9)
-        turned = torch.acos((views.forwards @ views.forwards[best]).clamp(-1, 1))
-        scores -= torch.exp(-((apart / 0.3) ** 2) - (turned / 0.5) ** 2)
-        scores[best] = -torch.inf
-    return chosen
+    ahead = camera.center + camera.forward
+    return look_at(camera.center, ahead, up, FOV, camera.width, camera.height)
 
 
 @torch.no_grad()
@@ -254,13 +295,13 @@ def score_render(scene: Gaussians, camera: Camera) -> ScoredView:
     total = weights.sum().clamp_min(1e-9)
     detail = (total / weights.square().sum().clamp_min(1e-9)).clamp_min(1e-4).log()
     blurred = weights[radius > BLURRED * distance].sum() / total
-    assert drawn.depth is not None
-    assert drawn.median_depth is not None
-    depth = drawn.median_depth
-    spread = (drawn.depth / depth.clamp_min(1e-9) - 1).abs().clamp_max(1)[depth > 0]
+    mean, depth = drawn.depth, drawn.median_depth
+    assert mean is not None
+    assert depth is not None
+    spread = (mean / depth.clamp_min(1e-9) - 1).abs().clamp_max(1)[depth > 0]
     spread = spread.mean() if len(spread) else torch.tensor(1.0)
-    score = detail + OPAQUE * drawn.alpha.mean() - BLUR * blurred - SPREAD * spread
-    return ScoredView(camera, float(score), weights, depth)
+    clear = float(OPAQUE * drawn.alpha.mean() - BLUR * blurred - SPREAD * spread)
+    return ScoredView(camera, float(detail) + clear, clear, weights, depth)
 
 
 def cover(found: Sequence[ScoredView], count: int) -> list[int]:
@@ -278,65 +319,42 @@ def cover(found: Sequence[ScoredView], count: int) -> list[int]:
     return chosen
 
 
-def vary(
-    judged: Sequence[ScoredView], count: int, wish: ViewConstraints, generator: torch.Generator
-) -> list[Camera]:
-    """`count` cameras beside the given ones: moved by an eighth of what they see, turned a little.
-
-    What is wished stays: the point that they look at; near the eye they hardly move.
-    """
-    cameras = []
-    for i in range(count):
-        view = judged[i % len(judged)]
-        camera, seen = view.camera, view.depth[view.depth > 0].double()
-        step = (0.02 if wish.eye is not None else 0.12) * float(seen.median() if len(seen) else 0)
-        noise = torch.randn(2, 3, generator=generator, dtype=torch.float64)
-        eye = camera.center + step * noise[0]
-        ahead = camera.forward + 0.12 * noise[1]
-        target = eye + ahead if wish.look_at is None else wish.look_at
-        cameras.append(look_at(eye, target, -camera.rotation[1], FOV, SMALL, SMALL))
-    return cameras
-
-
 def _judged(
-    scene: Gaussians,
-    places: Places,
-    count: int,
-    wish: ViewConstraints,
-    generator: torch.Generator,
-    near: float,
-    effort: SearchEffort,
+    scene: Gaussians, places: Places, wish: ViewConstraints, near: float, effort: SearchEffort
 ) -> list[ScoredView]:
-    """The admitted ones of the best candidates that differ, and of variations of them: of nearly
-    the best score, the best first, turned in any way about the view."""
-    views = candidates(places, wish.look_at, effort.directions)
+    """Views from the places, turned in any way, that differ: each one taken lowers the score of its
+    panorama for its like. Of these, those whose renders have nearly the best score."""
+    eyes = places.points[:, None]
+    forwards = directions_around(effort.directions)[None].expand(len(eyes), -1, -1)
+    if wish.look_at is not None:
+        forwards = torch.nn.functional.normalize(wish.look_at.float() - eyes, dim=-1)
+    times = forwards.shape[1]
+    seen = [score_panorama(view, cones(each)) for view, each in zip(places.views, forwards)]
+    scores, forwards = torch.cat(seen), forwards.reshape(-1, 3)
+    reach = torch.stack([view.reach for view in places.views]).clamp_min(1e-9)
+    eyes, reach = (each.repeat_interleave(times, 0) for each in (places.points, reach))
     judged = []
-    for i in pick(views, effort.rendered):
-        eye, forward = views.eyes[i].double(), views.forwards[i].double()
+    for _ in range(min(effort.rendered, len(scores))):
+        best = int(scores.argmax())
+        eye, forward = eyes[best].double(), forwards[best].double()
         camera = look_at(eye, eye + forward, perpendicular(forward), FOV, SMALL, SMALL)
         judged.append(score_render(scene, replace(camera, near=near)))
-    least, most = effort.rounds
-    for i in range(most):
-        admitted = _admitted(judged)
-        if i >= least and len(admitted) >= count:
-            break
-        judged += [
-            score_render(scene, replace(camera, near=near))
-            for camera in vary(admitted, effort.varied, wish, generator)
-        ]
-    return _admitted(judged)
+        apart = (eyes - eyes[best]).norm(dim=-1) / reach[best]
+        turned = torch.acos((forwards @ forwards[best]).clamp(-1, 1))
+        scores -= torch.exp(-((apart / 0.3) ** 2) - (turned / 0.5) ** 2)
+        scores[best] = -torch.inf
+    least = max(view.score for view in judged) - ADMITTED
+    return [view for view in judged if view.score >= least]
 
 
-def _admitted(judged: Sequence[ScoredView]) -> list[ScoredView]:
-    """Those of nearly the best score, the best first."""
-    ordered = sorted(judged, key=lambda view: -view.score)
-    return [view for view in ordered if view.score >= ordered[0].score - ADMITTED]
-
-
-def _up(scene: Gaussians, judged: Sequence[ScoredView]) -> Float[Tensor, "3"]:
+def _up(scene: Gaussians, judged: Sequence[ScoredView]) -> Vector:
     """Up, from good views in any direction; where they do not say, from the densest layer."""
-    maps = torch.cat([normals_of_depth(view.camera, view.depth, 1) for view in judged])
-    normals = maps[maps.any(-1)].double()
     forwards = torch.stack([view.camera.forward for view in judged])
-    up = find_up(directions_around(1000).double(), normals, forwards)
+    up = find_up(directions_around(1000).double(), _normals(judged), forwards)
     return guess_up(scene) if up is None else up
+
+
+def _normals(judged: Iterable[ScoredView]) -> Float[Tensor, "n 3"]:
+    """The normals of what the views show."""
+    maps = torch.cat([normals_of_depth(view.camera, view.depth, 1) for view in judged])
+    return maps[maps.any(-1)].double()

@@ -24,7 +24,7 @@ from rasterizer import render
 @pytest.fixture(autouse=True)
 def short_search(monkeypatch):
     """Few places where a command searches for views: what is found is tested elsewhere."""
-    few = SearchEffort(places=12, kept=4, rendered=6, varied=4)
+    few = SearchEffort(places=12, kept=4, rendered=6)
     monkeypatch.setattr("gsedit.views.around.find_views", partial(find_views, effort=few))
 
 

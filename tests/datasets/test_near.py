@@ -14,7 +14,7 @@ from gsedit.views.search import SearchEffort
 from gsedit.views.viewpoints import Viewpoint, dataset_near, viewpoints_near
 from rasterizer import Execution, look_at, render
 
-FEW = SearchEffort(places=30, kept=4, rendered=8, varied=4)
+FEW = SearchEffort(places=30, kept=4, rendered=8)
 
 
 def scaled(scene, factor):
