@@ -3,8 +3,8 @@
 python examples/world_sheet.py bear.ply garden.ply dinosaur.ply guitar.ply -o sheet/
 
 Every picture is of a camera that no edit looked through. sheet/ gets a folder of pictures a scene,
-before and after; sheet.jpg, all of them; and larger, front.jpg, some of the first three scenes, and
-objects.jpg, the first scene, which shows a bear, after OBJECTS.
+before and after; sheet.jpg, all of them; and larger, front.jpg, some of the first three scenes;
+front.webp, these moving; and objects.jpg, the first scene, which shows a bear, after OBJECTS.
 """
 
 from __future__ import annotations
@@ -13,16 +13,14 @@ import argparse
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import accumulate
 from pathlib import Path
 
+import numpy as np
 import torch
 from PIL import Image, ImageDraw, ImageFont
 
 import gsedit
-from gsedit.bench.synthetic import demo_scene
-from gsedit.bench.synthetic.splats import surface_gaussians
 from gsedit.editing.edit import change_steps
 from gsedit.editing.plan import read_steps
 from gsedit.errors import GseditError
@@ -31,7 +29,7 @@ from gsedit.run.events import returned
 from gsedit.select.finder import Finder
 from gsedit.views.around import find_viewpoints
 from gsedit.views.cameras_json import cameras_file, read_cameras
-from gsedit.views.search import ViewConstraints
+from gsedit.views.paths import circle_of, swing
 from gsedit.views.view_list_files import HELD_OUT_EVERY
 from gsedit.views.viewpoints import Viewpoint, rendered, same_size, thinned
 from rasterizer.camera import Camera
@@ -63,6 +61,8 @@ FRONT = (("turn it into a bronze statue", "at night by moonlight"),
          ("make it snow", "polished white marble"),
          ("as an expressionist painting", "remove it"))  # fmt: skip
 """Instructions of the front picture, for each of the first three scenes."""
+MOVING = "turn it into a bronze statue", "as an expressionist painting", "rusty iron"
+"""Those of the moving pictures."""
 OBJECTS = ("remove the bear", "make the bear half the size", "turn the bear around",
            "a thick layer of snow on the bear", "let moss grow on the bear",
            "cover the ground with fallen leaves", "remove the bear and make it night")  # fmt: skip
@@ -71,6 +71,7 @@ VIEW_PIXELS = 256
 CELL_PIXELS, FRONT_PIXELS, PAIR_PIXELS = 200, 320, 512
 """Heights of pictures, pixels: in the sheet, the front picture, of before and after."""
 LABEL_PIXELS, GAP = 18, 2
+MOVING_PIXELS, FRAMES, FPS, ARC = 300, 56, 14.0, 40.0  # ARC: degrees of a swing
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,13 +134,11 @@ def load_shown(path: Path) -> Shown:
     return show(path.stem.split(".")[0], scene, viewpoints)
 
 
-def built_in() -> Shown:
-    """The built-in synthetic scene."""
-    synthetic = demo_scene()
-    random = torch.Generator().manual_seed(0)
-    scene = surface_gaussians(synthetic, 20_000, random)
-    upright = ViewConstraints(up=synthetic.up)
-    return show("built in", scene, find_viewpoints(scene, 24, VIEW_PIXELS, wish=upright))
+def moving(shown: Shown, edited: Gaussians | None) -> gsedit.Animation:
+    """A scene seen in a swing, parted from the edited one by a line that moves."""
+    path = swing(circle_of([each.camera for each in shown.viewpoints]), FRAMES, ARC)
+    cameras = tuple(each.resized(MOVING_PIXELS, MOVING_PIXELS) for each in path)
+    return gsedit.Animation(shown.scene, cameras, wiped=edited)
 
 
 def edits(shown: Shown, instructions: Sequence[str]) -> Iterator[Gaussians | None]:
@@ -234,29 +233,30 @@ def save(sheet: Image.Image, path: Path) -> None:
 
 
 def say(text: str) -> None:
-    sys.stderr.write(text + "\n")
-    sys.stderr.flush()
+    sys.stderr.write(text + "\n")  # which Python writes line by line
 
 
 def main(paths: Sequence[Path], out: Path) -> None:
     """Edit all scenes and write their pictures, the sheet and the front picture."""
-    columns, front = [], []
-    for number, make in enumerate((*(partial(load_shown, path) for path in paths), built_in)):
-        shown = make()
+    columns, front, moves = [], [], []
+    for number, shown in enumerate(map(load_shown, paths)):
         scenes = [shown.scene, *edits(shown, INSTRUCTIONS)]
         save_pairs(shown, scenes, out / f"{number}-{shown.name}")
         if number < len(FRONT):
             front.append(front_row(shown, scenes, FRONT[number]))
             save(grid(front), out / "front.jpg")
+            moves.append(moving(shown, scenes[1 + INSTRUCTIONS.index(MOVING[number])]))
         if number == 0:
             save(grid(object_rows(shown)), out / "objects.jpg")
         columns.append([cell(scene, shown.camera, CELL_PIXELS) for scene in scenes])
         save(grid(labelled_rows(columns)), out / "sheet.jpg")  # whole after the last scene
+    frames = (np.concatenate(row, 1) for row in zip(*(each.frames() for each in moves)))
+    gsedit.write_loop(frames, out / "front.webp", FPS, overwrite=True)
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description="Edits of several scenes, before and after.")
-    parser.add_argument("scenes", nargs="*", type=Path, help="scene files, cameras.json beside")
+    parser.add_argument("scenes", nargs="+", type=Path, help="scene files, cameras.json beside")
     parser.add_argument("-o", "--output", type=Path, required=True, help="a folder")
     given = parser.parse_args()
     main(given.scenes, given.output)

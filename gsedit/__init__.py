@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from gsedit.errors import GseditError, InputError, UsageError
     from gsedit.formats.scenes import load, save
     from gsedit.paper.settings import EditSettings
-    from gsedit.pictures.animations import Animation, write_gif, write_mp4
+    from gsedit.pictures.animations import Animation, write_loop, write_mp4
     from gsedit.pictures.maps import render_maps
     from gsedit.pictures.rendered_views import write_view
     from gsedit.pictures.viewer.point_clouds import to_open3d, to_pyvista, to_trimesh

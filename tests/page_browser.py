@@ -111,7 +111,7 @@ class Window:
         """Text that a person can read."""
         return self.run("document.body ? document.body.innerText : ''") or ""
 
-    def wait(self, happened: Callable[[], Any], seconds: float = 20.0) -> Any:
+    def wait(self, happened: Callable[[], Any], seconds: float = 90.0) -> Any:
         """Wait until something holds. Raises TimeoutError with what can be read."""
         ends = time.monotonic() + seconds
         while not (value := happened()):

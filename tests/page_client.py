@@ -104,7 +104,7 @@ class PageClient:
         )  # fmt: skip
         self.send("FileTransferPart", **ids, part_index=0, content=content)
 
-    def wait(self, happened: Callable[[], Any], seconds: float = 20.0) -> Any:
+    def wait(self, happened: Callable[[], Any], seconds: float = 90.0) -> Any:
         """Wait until something holds, and return it. Raises TimeoutError with the notices."""
         ends = time.monotonic() + seconds
         with self._changed:

@@ -55,7 +55,7 @@ class MetricsOptions(Writes, Data):
     the edit's."""
     subject_masks: Path | None = option(None, "FOLDER")
     """Masks that the edit did not know, to measure outside of: a PNG named after each view that has
-    one, white where the edit belongs."""
+    one, white where the edit belongs. Those of views that are not measured are left aside."""
     views: Path | None = option(None, "FILE.json")
     """List of views to measure at, see --save-views."""
     save_views: Path | None = option(None, "FILE.json")
@@ -193,7 +193,7 @@ def gather(
         unedited=unedited,
         region=known,
         region_is=REGION_IS if own.region is None else "the region that was given",
-        subject_masks={} if drawn is None else read_masks(drawn, views.viewpoints),
+        subject_masks={} if drawn is None else read_masks(drawn, views.viewpoints, others=True),
         matcher=match_pictures,
         edited_region=after,
         masks=masks,

@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from rasterizer.scene import Gaussians
 
 Kind = Literal["folder", "still", "animation"]
-STILLS, ANIMATIONS = (".png", ".exr", ".npy"), (".mp4", ".gif")
-PHOTOS = (".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp")
+STILLS, ANIMATIONS = (".png", ".exr", ".npy"), (".mp4", ".webp", ".gif")
+PHOTOS = (".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
 OTHERS = (*PHOTOS, ".avi", ".mov", ".mkv", ".webm", ".m4v")
 """Suffixes that are no folder's name, and are not written."""
 FRAMES, FPS, ARC, CRF, COUNT = 120, 30.0, 60.0, 18, 8
@@ -48,7 +48,7 @@ class RenderOptions(Reads, Writes):
     """Options of `gsedit render` alone."""
 
     out: Path = option(..., "PATH", flags="--output -o")
-    """A folder for pictures, one picture (.png, .exr, .npy), or a path (.mp4, .gif)."""
+    """A folder for pictures, one picture (.png, .exr, .npy), or a path (.mp4, .webp, .gif)."""
     views: str | None = option(None, "0,8,16")
     """Numbers of the capture's views to render, from 0, or that a path goes by."""
     count: int | None = option(None, min=1)
@@ -62,12 +62,12 @@ class RenderOptions(Reads, Writes):
     """The 2D editor that --region auto asks."""
     path: PathKind | None = option()
     """turntable: a full turn around the point that the cameras look at. orbit: from the middle of
-    the cameras to both ends and back. spline: through at most 24 cameras. None: turntable for .mp4
-    and .gif, else none."""
+    the cameras to both ends and back. spline: through at most 24 cameras. None: turntable for .mp4,
+    .webp and .gif, else none."""
     frames: int | None = option(None, min=1)
     """Pictures along the path. None: 120."""
     fps: float | None = option(None, min=0.1, max=240)
-    """Frames a second of .mp4 and .gif. None: 30."""
+    """Frames a second of .mp4, .webp and .gif. None: 30."""
     arc: float | None = option(None, min=1, max=360)
     """Degrees between the ends of an orbit. None: 60."""
     elevation: float | None = option(None, flags=None, min=-89, max=89)
@@ -110,17 +110,17 @@ class RenderOptions(Reads, Writes):
         given = {name for name in options if getattr(self, name) is not None}
         kind, taken, out = self.kind, self.taken, self.out
         if kind == "still" and taken:
-            raise UsageError(f"-o {out} is one picture: name .mp4, .gif or a folder for --path")
+            raise UsageError(f"-o {out} is one picture: name .mp4, .webp or a folder for --path")
         if taken is None and (unused := given & {"frames", "arc", "elevation"}):
             raise UsageError(
-                f"--{min(unused)} is for a path of cameras: add --path, or name an .mp4 or a .gif"
+                f"--{min(unused)} is for a path of cameras: add --path, or name an .mp4 or .webp"
             )
         if "arc" in given and taken != "orbit":
             raise UsageError("--arc is for --path orbit: add it, or leave --arc out")
         if "elevation" in given and taken == "spline":
             raise UsageError("elevation is for turntable and orbit: a spline keeps to the cameras")
         if "fps" in given and kind != "animation":
-            raise UsageError(f"--fps is for .mp4 and .gif, not for -o {out}")
+            raise UsageError(f"--fps is for .mp4, .webp and .gif, not for -o {out}")
 
     @property
     def maps(self) -> tuple[MapName, ...]:
@@ -187,7 +187,7 @@ class RenderOptions(Reads, Writes):
             if maps != ("color",) or self.transparent:
                 raise UsageError("--wipe shows colors: leave out --show and transparent")
             if suffix in (".exr", ".npy") or self.format != "png":
-                raise UsageError("--wipe is written as .png, .mp4, .gif or a folder of PNG files")
+                raise UsageError("--wipe is written as .png, a folder of them, .mp4, .webp or .gif")
         if self.crf is not None and suffix != ".mp4":
             raise UsageError(f"crf is for .mp4, not for -o {out}: leave it out")
 
@@ -385,7 +385,7 @@ def tint(
 def write(animation: Animation, names: Sequence[str], own: RenderOptions) -> None:
     """Write an animation, one picture, or a folder, as the suffix of -o says; print what was
     written."""
-    from gsedit.pictures.animations import write_gif, write_mp4
+    from gsedit.pictures.animations import write_loop, write_mp4
 
     count, out, fps = len(animation), own.out, own.fps or FPS
     with counting("render") as tell:
@@ -398,11 +398,11 @@ def write(animation: Animation, names: Sequence[str], own: RenderOptions) -> Non
                 print_message(f"{count} views are in {out}")
             return
         frames = tracked(animation, tell)
-        if out.suffix.lower() == ".gif":
-            write_gif(frames, out, fps, overwrite=own.force)
-        else:
+        if out.suffix.lower() == ".mp4":
             crf = CRF if own.crf is None else own.crf
             write_mp4(frames, out, fps, crf=crf, overwrite=own.force)
+        else:
+            write_loop(frames, out, fps, overwrite=own.force)
         record = {"animation": out, "frames": count, "fps": fps, "bytes": out.stat().st_size}
         print_result(record, str(out))
         print_message(f"{count} frames, {count / fps:.1f} s, {out.stat().st_size / 1e6:.1f} MB")

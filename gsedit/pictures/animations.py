@@ -1,5 +1,5 @@
-"""Moving pictures: MP4 (H.264, through PyAV) and GIF (through Pillow), whole or not at all; their
-frames: maps as 8-bit pictures side by side, all in one depth scale.
+"""Moving pictures: MP4 (H.264, through PyAV), GIF and WebP (through Pillow), whole or not at all;
+their frames: maps as 8-bit pictures side by side, all in one depth scale.
 
 A frame is `h w 3` uint8, sRGB. Frames are taken one at a time, as they are rendered.
 """
@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from itertools import chain
+from itertools import chain, pairwise
 from math import cos, tau
 from pathlib import Path
 from typing import Any
@@ -134,6 +134,8 @@ CODECS = ("libx264", "libopenh264", "mpeg4")
 """Encoders, the best first: not every build of FFmpeg has every one."""
 MOST_FPS_GIF = 50
 """A GIF counts in hundredths of a second, and browsers slow down frames of less than two."""
+QUALITY = 80
+"""Of a WebP: 0, the smallest file, to 100."""
 
 
 def check_format(path: Path, fps: float) -> None:
@@ -189,26 +191,26 @@ def write_mp4(
             container.mux(stream.encode(None))
 
 
-def write_gif(
+def write_loop(
     frames: Iterable[Frame], path: str | Path, fps: float, *, overwrite: bool = False
 ) -> None:
-    """Write frames of one size as a GIF that repeats: 256 colors a frame, dithered.
+    """Write frames of one size as a .webp or .gif that repeats. A GIF has 256 colors a frame,
+    dithered, and is about four times as large.
 
-    Its times are in hundredths of a second: single frames may be shown 5 ms too long or too short,
-    all of them together are not. Raises UsageError for no frames, more than 50 a second, and as
-    `atomic_path` does.
+    A GIF's times are in hundredths of a second: single frames may be shown 5 ms too long or too
+    short, all of them together are not. Raises UsageError for no frames, more than 50 a second in
+    a GIF, and as `atomic_path` does.
     """
-    check_format(Path("a.gif"), fps)
-    first, frames = _first(frames)
-    _, *pictures = (_indexed(frame) for frame in frames)
-    count = 1 + len(pictures)
-    ends = [round(100 * (i + 1) / fps) for i in range(count)]
-    times = [10 * (end - start) for start, end in zip([0, *ends], ends)]
+    path = Path(path)
+    check_format(path, fps)
+    gif = path.suffix.lower() == ".gif"
+    first, *pictures = (_indexed(f) if gif else Image.fromarray(f) for f in _first(frames)[1])
+    step = 10 if gif else 1
+    ends = [step * round(1000 / step * i / fps) for i in range(len(pictures) + 2)]
+    times = [end - start for start, end in pairwise(ends)]
+    kind = {"format": "GIF", "optimize": False} if gif else {"format": "WEBP", "quality": QUALITY}
     with atomic_path(path, overwrite=overwrite) as temporary:
-        _indexed(first).save(
-            temporary, "GIF", save_all=True, append_images=pictures, duration=times, loop=0,
-            optimize=False,
-        )  # fmt: skip
+        first.save(temporary, save_all=True, append_images=pictures, duration=times, loop=0, **kind)
 
 
 def _first(frames: Iterable[Frame]) -> tuple[Frame, Iterator[Frame]]:
@@ -235,4 +237,4 @@ def _indexed(frame: Frame) -> Image.Image:
 
 
 def _import() -> Any:
-    return load_extra("av", "an MP4 file", "write a .gif")
+    return load_extra("av", "an MP4 file", "write a .webp")

@@ -160,24 +160,28 @@ def _views(scene: Gaussians, cameras: Sequence[Camera]) -> list[Camera]:
     return [c if max(c.width, c.height) <= VIEW_PIXELS else c.fitted(VIEW_PIXELS) for c in chosen]
 
 
-def read_masks(path: Path, views: Sequence[View | Viewpoint]) -> dict[int, Float[Tensor, "h w"]]:
+def read_masks(
+    path: Path, views: Sequence[View | Viewpoint], *, others: bool = False
+) -> dict[int, Float[Tensor, "h w"]]:
     """The masks in a PNG, or in all PNGs of a folder, by the index of the view that they belong to.
 
     A mask has the name of its view's picture: `frame_00001.png` belongs to the view
     `images/frame_00001.jpg`, and is drawn on the photo, whose lens distortion is undone; so does
     `000_frame_00001.png`, as `gsedit render` names the view, where there is none. White is inside,
     black and transparent outside. It may have another size than the view, and is averaged over the
-    view's pixels. Raises InputError where no file is there, a name belongs to no
-    view or to several, or a mask has another shape than its view.
+    view's pixels. Raises InputError where no file is there, a name belongs to several
+    views or to none (with `others`: all to none), or a mask has another shape than its view.
     """
     files = sorted(path.glob("*.png")) if path.is_dir() else [existing_file(path)]
     if not files:
         raise InputError(f"{path} has no .png file: put masks there, named after their views")
     names = [Path(view.name).name for view in views]
     masks: dict[int, Tensor] = {}
-    for file in files:
-        index = view_of(Path(file.name), names)
+    found = [view_of(Path(file.name), names) for file in files]
+    for index, file in zip(found, files):
         if index is None:
+            if others and set(found) != {None}:
+                continue
             listed = ", ".join(Path(name).stem for name in names[:4])
             raise InputError(
                 f"{file} belongs to no view: name it after a view's picture ({listed}, ...) with "

@@ -27,9 +27,13 @@ def test_masks_that_the_edit_did_not_know(folder, tmp_path):
     outside = record["measured"]["rmse_outside_masks"]["all"]
     assert outside["views"] == 5
     assert outside["value"] > record["measured"].get("rmse_outside_region", outside)["value"] / 2
-    Image.new("L", (32, 32)).save(tmp_path / "other.png")
-    done = gsedit("metrics", folder / "out", "--subject-masks", tmp_path)
-    assert done.exit_code == 3
+    other = tmp_path / "another" / "other.png"  # of a view that is not measured
+    other.parent.mkdir()
+    Image.new("L", (32, 32)).save(other)
+    assert gsedit("metrics", folder / "out", "--subject-masks", other.parent).exit_code == 3
+    other.rename(tmp_path / "other.png")
+    record = answer("metrics", folder / "out", "--subject-masks", tmp_path)
+    assert record["measured"]["rmse_outside_masks"]["all"] == outside
 
 
 def test_two_people_measure_the_same(folder, tmp_path):

@@ -84,8 +84,8 @@ def test_an_interrupted_animation_leaves_no_file(shot, tmp_path, monkeypatch):
 
         animations_write(stopping(), *rest, **options)
 
-    animations_write = animations.write_gif
-    monkeypatch.setattr(animations, "write_gif", broken)
+    animations_write = animations.write_loop
+    monkeypatch.setattr(animations, "write_loop", broken)
     before = set(files(tmp_path))
     result = gsedit("render", shot, "--frames", 3, "--size", 16, "-o", tmp_path / "a.gif")
     assert result.exit_code == 130

@@ -171,4 +171,5 @@ def test_a_table_has_its_legs_and_takes_along_what_is_on_it_only_where_it_goes()
     for text, along in (("turn the table into bronze", 0), ("remove the table", 1)):
         inside = find_parts(read_steps(text), finder).flags["the table"].float()
         ground, top, leg, vase = (float(inside[of == i].mean()) for i in range(4))
-        assert (ground, top > 0.95, leg > 0.3, vase) == (0, True, True, along)
+        assert (ground, top > 0.95, leg > 0.3) == (0, True, True)
+        assert abs(vase - along) < 0.02  # a Gaussian where it touches goes either way by rounding
