@@ -187,7 +187,7 @@ class Work:
         lines = [f"{place!s:<{width}}  {result}" for place, result in zip(places, results)]
         lines += [
             f"look:    {self.edit / 'before_after.png'}",
-            f"report:  {self.edit / 'edit.json'}, {self.edit / 'error_vs_time.png'}",
+            f"report:  {self.edit / 'edit.json'}",
             f"next:    gsedit view {scene} {edit}/scene.ply",
             f"         gsedit render {edit}/scene.ply --path turntable -o turn.mp4",
             f"         {self.another_edit('make it snow')}",

@@ -24,7 +24,7 @@ from gsedit.views.view_pictures import write_view_pictures
 
 FILES = (
     "scene.ply", "region.npy", "region_before.npy", "metrics.jsonl", "before_after.png",
-    "error_vs_time.png", "edit.json",
+    "edit.json",
 )  # fmt: skip
 
 
@@ -38,8 +38,8 @@ def write_edit(
     """Write scene.ply, region.npy (flags of that scene's Gaussians), before_after.png, edit.json.
 
     Where objects went, also region_before.npy (flags of the unedited scene's Gaussians); where a 2D
-    editor was asked, also metrics.jsonl, error_vs_time.png, targets/ (what the scene was fitted to)
-    held_out/ (the 2D edits of held-out views) and held_out_alone/ (those made without the targets).
+    editor was asked, also metrics.jsonl, targets/ (what the scene was fitted to), held_out/ (the 2D
+    edits of held-out views) and held_out_alone/ (those made without the targets).
 
     `request` is added to edit.json: how the result was made. Each file is whole or not there, and
     edit.json is last: with it the folder is complete. With `overwrite`, pictures that the edit.json
@@ -76,9 +76,9 @@ def write_edit(
     record = {"instruction": result.prompt, **(request or {}), **edit_record(result)}
     write_record({**record, "pictures": pictures}, folder / "edit.json", overwrite=overwrite)
     (folder / UNFINISHED).unlink(missing_ok=True)
+    (folder / "error_vs_time.png").unlink(missing_ok=True)  # an earlier version's
     if not result.events:
-        for name in ("metrics.jsonl", "error_vs_time.png"):
-            (folder / name).unlink(missing_ok=True)
+        (folder / "metrics.jsonl").unlink(missing_ok=True)
 
 
 def remove_earlier(folder: Path) -> None:
@@ -152,10 +152,9 @@ def _routes(result: EditResult) -> dict[str, Any]:
 
 def _write_pictures(folder: Path, result: EditResult, *, overwrite: bool) -> None:
     """Write pictures of the views before the edit, edited in 2D and after it, with held-out ones
-    beside them; and a figure of error and loss against time."""
+    beside them."""
     from gsedit.formats.pictures import save_picture
     from gsedit.pictures.contact_sheet import contact_sheet
-    from gsedit.pictures.figures import error_vs_time
 
     held_out = result.held_out
     blank = len(held_out.originals) - len(held_out.edited)
@@ -172,8 +171,6 @@ def _write_pictures(folder: Path, result: EditResult, *, overwrite: bool) -> Non
         caption="held out",
     )
     save_picture(sheet, folder / "before_after.png", overwrite=overwrite)
-    if result.events:
-        error_vs_time(result.events, folder / "error_vs_time.png", overwrite=overwrite)
 
 
 def history_of(scene: Path) -> dict[str, Any]:

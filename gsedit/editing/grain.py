@@ -11,6 +11,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from gsedit.capture.fitting.densify import divided
+from gsedit.capture.fitting.strokes import leading_views
 from gsedit.editing.measure import Changed, means_of, of_the_whole, pictures_at
 from gsedit.paper.draw import EditPlan, draw, explain
 from gsedit.paper.evaluate import Drawing
@@ -81,10 +82,12 @@ def _in_pieces(
     worth = held if held.shape == worth.shape else worth  # which another scene's is not
     finest = finest_pixels(before.means, cameras)
     pieces, origin = divided(before, finest, worth, min(MAX_GAUSSIANS, MOST_TIMES * len(before)))
+    leading = leading_views(seen if region is None else seen * region.inside, before.means)[origin]
     if region is not None:
         region = replace(region, inside=region.inside[origin])
     shares = seen[:, origin] / origin.bincount()[origin]  # each piece has an equal one
-    return replace(request, scene=pieces, region=region, seen=shares), origin, worth
+    few = replace(request, scene=pieces, region=region, seen=shares, leading=leading)
+    return few, origin, worth
 
 
 def explained(request: Request) -> EditPlan:

@@ -43,6 +43,7 @@ from gsedit.measures.metrics import (
     METRICS,
     NO_UNEDITED,
     PAIRS,
+    SLOW,
     Evaluation,
     EvaluationInput,
     Group,
@@ -77,6 +78,7 @@ def evaluate(
     `only`: names of METRICS; these alone are measured, and no reasons are given for others.
     """
     rows = [METRICS[name] for name in only] or [*METRICS.values()]
+    rows = [row for row in rows if not (subject.quick and row.function in SLOW)]
     at = {row.name: _views_of(row, subject) for row in rows}
     chosen = sorted({i for views in at.values() for i in views})
     shown: dict[int, Shown] = {}

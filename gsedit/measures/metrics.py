@@ -62,6 +62,9 @@ class EvaluationInput:
     max_perceptual_views: int | None = None
     """Most views of a role at which a perceptual distance is measured, evenly spaced; None for all.
     It takes ten times as long as all other metrics of a picture."""
+    quick: bool = False
+    """Whether SSIM and perceptual distances are left to `gsedit metrics`, which measures them all:
+    they take as long as painting the views."""
     ground_truth: Pictures = field(default_factory=dict)
     """The true edit, by the index of the view, where it is known."""
     finals: Pictures = field(default_factory=dict)
@@ -315,6 +318,8 @@ _ROWS = (
     Metric("perceptual_to_ground_truth", "perceptual distance to the true edit", "lower", 4,
            perceptual, GROUND_TRUTH),
 )  # fmt: skip
+SLOW = (ssim, perceptual)
+LATER = "gsedit metrics measures it, not the edit, which would take longer: run it on the folder"
 METRICS = {row.name: row for row in _ROWS}
 """Metrics by name, in the order in which they are shown."""
 PAIRS = {
@@ -345,6 +350,8 @@ def why_missing(row: Metric, subject: EvaluationInput) -> str:
         return "no view of the list is edited or held out: give some of them such a role"
     if not row.needs.views(subject):
         return why_none
+    if subject.quick and row.function in SLOW:
+        return LATER
     if row.function is perceptual:
         if not learned.is_installed():
             return f"its weights are not installed: {learned.INSTALL}"

@@ -179,10 +179,14 @@ def _leading_shares(
     session: Session, scene: Gaussians, targets: Mapping[int, View]
 ) -> list[Float[Tensor, "h w"]]:
     """Weights of the targets' pixels, by the view that leads where a Gaussian is."""
-    weights = session.weights[list(targets)] * session.region.inside
-    leading = leading_views(weights, scene.means)
-    cameras = [view.camera for view in targets.values()]
-    return leading_shares(scene, cameras, leading)
+    views, leading = list(targets), session.request.leading
+    if leading is not None and set(leading.unique().tolist()) <= {-1, *views}:
+        places = torch.full((len(session.weights),), -1)
+        places[views] = torch.arange(len(views))
+        leading = torch.where(leading < 0, -1, places[leading])
+    else:  # of views that are not planned by it, or of a region that they told
+        leading = leading_views(session.weights[views] * session.region.inside, scene.means)
+    return leading_shares(scene, [view.camera for view in targets.values()], leading)
 
 
 def _keep_strokes(

@@ -20,6 +20,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from gsedit.capture.fitting.solve import MOST_COEFFICIENTS
+from gsedit.capture.fitting.strokes import leading_views
 from gsedit.errors import Said, UsageError
 from gsedit.paper.actions import RollbackAction
 from gsedit.paper.diffusion.precision import has_bfloat16
@@ -29,7 +30,7 @@ from gsedit.paper.protocol import Cost
 from gsedit.paper.request import Request, fits_pictures, request_record, uses_all_views
 from gsedit.paper.session import Session, UneditedRenders, Work, edit_camera, start_progress
 from gsedit.paper.skips import DISABLED, TERMINAL_COLUMNS, Decision, decide_views, one_line, screen
-from gsedit.paper.view_plan import ViewPlan, plan_views, random_plan, survey, wholeness
+from gsedit.paper.view_plan import ViewPlan, led_plan, plan_views, random_plan, survey, wholeness
 from gsedit.run.events import Checkpoint, Event, as_record, events_of, returned
 from gsedit.run.json_lines import plain
 from gsedit.run.state import State, check_same, restoring, tensor_like
@@ -402,6 +403,10 @@ def survey_views(
         weights = request.seen
         if weights is None:
             weights = survey(request.scene, [view.camera for view in views])
+        if request.keeps_strokes and request.leading is None:
+            inside = 1.0 if request.region is None else request.region.inside
+            leading = leading_views(weights * inside, request.scene.means)
+            request = replace(request, leading=leading)
         plan = plan or _plan(request, weights)
         scene = request.scene
         least = MOST_COEFFICIENTS if request.solves else 1
@@ -422,6 +427,9 @@ def _plan(request: Request, weights: Float[Tensor, "v n"]) -> ViewPlan:
     if settings.view_plan == "random":
         seed, each = request.generator.initial_seed(), settings.views_per_batch
         return random_plan(weights, each, settings.most_batches, seed)
+    if settings.skips("views") and request.leading is not None and (request.leading >= 0).any():
+        most = settings.most_batches * settings.views_per_batch
+        return led_plan(weights, request.leading, settings.views_per_batch, most)
     return plan_views(
         weights,
         settings.views_per_batch,

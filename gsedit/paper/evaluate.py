@@ -294,6 +294,7 @@ def _evaluation_input(
         unedited=request.scene,
         region=region,
         max_perceptual_views=MAX_PROGRESS_VIEWS,
+        quick=request.keeps_strokes,
         ground_truth=true_edits(session, request.held_out_indices),
         finals=finals,
         renderings={i: session.unedited.rendering(i) for i in finals},

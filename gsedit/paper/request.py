@@ -9,7 +9,7 @@ from itertools import chain
 from typing import Any
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from gsedit.capture.fitting.update import check_installed
@@ -88,6 +88,9 @@ class Request:
     """The Gaussians of `scene` that may change; None: the edited views will tell."""
     seen: Float[Tensor, "v n"] | None = None
     """How much each of `views` sees of each Gaussian; None: a survey will tell."""
+    leading: Int[Tensor, " n"] | None = None
+    """The one of `views` that each Gaussian follows, -1 for none; None: no strokes are kept, or a
+    survey will tell."""
     whole: Gaussians | None = None
     """The scene of which `scene` holds the groups; None: it is itself whole."""
 

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from rasterizer.camera import Camera
@@ -127,13 +127,25 @@ def _planned(planner: _Planner, views_per_batch: int, most: int, coverage: float
 
 def random_plan(weights: Float[Tensor, "v n"], size: int, most: int, seed: int) -> ViewPlan:
     """At most `most` batches of `size` views drawn at random, whatever they see."""
-    views = len(weights)
-    drawn = torch.randperm(views, generator=torch.Generator().manual_seed(seed))
-    count = min(most, -(-views // size))
-    ends = [min(size * (k + 1), views) for k in range(count)]
-    batches = tuple(tuple(drawn[size * k : end].tolist()) for k, end in enumerate(ends))
-    planner = _Planner(weights, torch.ones(views))
-    return ViewPlan(batches, tuple(planner.coverage(drawn[:end].tolist()) for end in ends))
+    drawn = torch.randperm(len(weights), generator=torch.Generator().manual_seed(seed))
+    return _batched(weights, drawn[: most * size].tolist(), size)
+
+
+def led_plan(
+    weights: Float[Tensor, "v n"], leading: Int[Tensor, " n"], size: int, most: int
+) -> ViewPlan:
+    """The views that lead where Gaussians are, at most `most`, in batches of `size`: those that see
+    most of what they lead first. Others would be drawn, and hardly weigh."""
+    led = [float(row[leading == i].sum()) for i, row in enumerate(weights)]
+    order = sorted((i for i, worth in enumerate(led) if worth > 0), key=lambda i: -led[i])
+    return _batched(weights, order[:most], size)
+
+
+def _batched(weights: Float[Tensor, "v n"], order: list[int], size: int) -> ViewPlan:
+    """These views in batches of `size`, in order."""
+    starts, planner = range(0, len(order), size), _Planner(weights, torch.ones(len(weights)))
+    batches = tuple(tuple(order[start : start + size]) for start in starts)
+    return ViewPlan(batches, tuple(planner.coverage(order[: start + size]) for start in starts))
 
 
 class _Planner:

@@ -185,7 +185,7 @@ def test_photos_become_a_scene_that_is_edited_and_measured(place, tmp_path):
     assert answer(*edit, "--resume")["folder"] == str(out)
     assert gsedit(*edit, "--resume").exit_code == 2  # it is done
     kept = {"scene.ply", "edit.json", "metrics.jsonl", "before_after.png", "cameras.json"}
-    kept |= {"error_vs_time.png", "views.json", "region.npy"}
+    kept |= {"views.json", "region.npy"}
     assert {name for name in names(out) if "/" not in name} == kept
     own = json.loads((out / "edit.json").read_text())
     assert {each.stage for each in read_events(out / "metrics.jsonl")} >= {"sample", "measure"}

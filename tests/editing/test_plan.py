@@ -7,7 +7,14 @@ import torch
 from captures import around, facade, room, statue, statue_with_close_ups
 
 from gsedit import EditSettings
-from gsedit.paper.view_plan import ViewPlan, plan_views, survey, view_overlap, wholeness
+from gsedit.paper.view_plan import (
+    ViewPlan,
+    led_plan,
+    plan_views,
+    survey,
+    view_overlap,
+    wholeness,
+)
 
 SETTINGS = EditSettings()
 
@@ -115,3 +122,12 @@ def test_in_a_room_wide_views_come_before_pieces_of_wall():
     plan = default_plan(weights, whole)
     assert all(view < 24 for view in plan.batches[0])
     assert shared_in_batches(weights, plan) >= 0.4
+
+
+def test_strokes_are_drawn_in_the_views_that_lead_those_of_most_first():
+    weights = torch.tensor([[3.0, 0.0, 0.0, 0.0], [0.0, 2.0, 2.0, 0.0], [1.0, 1.0, 1.0, 1.0]])
+    leading = torch.tensor([0, 1, 1, -1])
+    plan = led_plan(weights, leading, size=1, most=6)
+    assert plan.batches == ((1,), (0,))
+    assert plan.coverage == pytest.approx((6 / 11, 10 / 11))
+    assert led_plan(weights, leading, size=3, most=1).batches == ((1,),)

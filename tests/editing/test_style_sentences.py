@@ -69,6 +69,9 @@ def test_exact_changes_and_styles_go_together(half, named):
     before, after = result.originals[0].image, result.finals[0].image
     assert ((before - after).abs().amax(-1) > 1 / 255)[before.amax(-1) > 0.1].float().mean() > 0.9
     assert {"change", "sample", "measure"} <= set(result.timings)
+    evaluation = result.metrics.evaluation  # what takes longer than painting is left for later
+    assert "gsedit metrics" in evaluation.not_measured["ssim_to_targets"]
+    assert "psnr_to_targets" in evaluation.measured
     for view in (result.originals[0], result.held_out.originals[0]):  # of before all changes
         assert torch.equal(view.image, render_picture(half[0], view.camera))
     assert torch.equal(

@@ -28,7 +28,7 @@ def test_the_demo_leaves_its_folder(tmp_path, quick_search):
     with pytest.raises(SystemExit) as ended:
         demo(folder, count=1500, size=64)
     assert ended.value.code == 0
-    names = {"scene.ply", "edit.json", "metrics.jsonl", "before_after.png", "error_vs_time.png"}
+    names = {"scene.ply", "edit.json", "metrics.jsonl", "before_after.png"}
     names |= {"cameras.json", "views.json", "region.npy", "region_before.npy", "targets"}
     assert names <= {p.name for p in folder.iterdir()} <= names | {"held_out", "held_out_alone"}
     record = json.loads((folder / "edit.json").read_text())

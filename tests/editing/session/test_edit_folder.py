@@ -15,8 +15,7 @@ from gsedit.paper.strategies.single_pass import SinglePass
 
 FILES = {
     "scene.ply", "region.npy", "edit.json", "metrics.jsonl", "before_after.png",
-    "error_vs_time.png", "targets", "held_out",
-    "held_out_alone",
+    "targets", "held_out", "held_out_alone",
 }  # fmt: skip
 
 
