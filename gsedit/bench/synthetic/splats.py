@@ -22,6 +22,7 @@ from rasterizer.scene import Gaussians
 
 OPACITY = 0.985  # below the cap of alpha: at it, float32 and float64 disagree on the gradient
 PROBES = 8  # directions in which a disc is tried against the surface
+ARRIVED = 1e-13  # a few roundings of coordinates of size 1: no step brings a point nearer
 OVERHANG = 0.2  # how far, in its radii, a disc may leave the surface at its own rim
 
 
@@ -82,27 +83,31 @@ def _candidates(
     """
     shell = 0.03 * scene.radius
     cube = (2 * scene.radius) ** 3
-    batches, accepted, drawn = [], 0, 0
-    while accepted < count:
-        cloud = torch.rand((1 << 16, 3), generator=generator, dtype=torch.float64)
-        cloud = (2 * cloud - 1) * scene.radius
-        near = cloud[scene.sdf(cloud).abs() < shell]
-        if not len(near):
-            raise ValueError(f"scene {scene.name} has no surface within its radius")
-        near = _project(scene.sdf, near)
-        near = near[(near.norm(dim=-1) < scene.radius)]
-        batches.append(near)
-        accepted, drawn = accepted + len(near), drawn + len(cloud)
-    return torch.cat(batches), cube * accepted / drawn / (2 * shell)
+    found, drawn = torch.empty((0, 3), dtype=torch.float64), 0
+    while len(found) < count:
+        layer = found.new_empty((0, 3))
+        while len(layer) < count - len(found):  # many are projected at once
+            cloud = torch.rand((1 << 16, 3), generator=generator, dtype=torch.float64)
+            cloud = (2 * cloud - 1) * scene.radius
+            near = cloud[scene.sdf(cloud).abs() < shell]
+            if not len(near):
+                raise ValueError(f"scene {scene.name} has no surface within its radius")
+            layer, drawn = torch.cat((layer, near)), drawn + len(cloud)
+        layer = _project(scene.sdf, layer)
+        found = torch.cat((found, layer[layer.norm(dim=-1) < scene.radius]))
+    return found, cube * len(found) / drawn / (2 * shell)
 
 
 def _project(sdf: Sdf, points: Float[Tensor, "m 3"]) -> Float[Tensor, "k 3"]:
     """The points moved onto the surface along the gradient; those that miss it are left out."""
-    for _ in range(6):  # Newton: 4 are enough from this shell
-        slope = gradient(sdf, points)
+    points, distance = points.clone(), sdf(points)
+    for _ in range(6):  # Newton: 4 are enough from this shell, and most arrive by the first
+        rows = (distance.abs() > ARRIVED).nonzero().squeeze(-1)
+        slope = gradient(sdf, points[rows])
         square = (slope * slope).sum(-1, keepdim=True).clamp_min(0.01)  # 0 on a medial axis
-        points = points - sdf(points)[..., None] * slope / square
-    return points[sdf(points).abs() < 1e-9]  # others lie between two solids
+        points[rows] -= distance[rows, None] * slope / square
+        distance[rows] = sdf(points[rows])
+    return points[distance.abs() < 1e-9]  # others lie between two solids
 
 
 def _first_come(points: Float[Tensor, "m 3"], distance: float) -> Bool[Tensor, " m"]:
