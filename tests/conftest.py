@@ -47,6 +47,15 @@ def quick_search(monkeypatch):
 
 
 @pytest.fixture(scope="module")
+def quick_saliency():
+    """All that is not black stands out, where it does not matter what the subject is."""
+    with pytest.MonkeyPatch.context() as patch:
+        drawn = lambda x: (x.amax(1) > -1.7).float()  # noqa: E731 (of normalised colors)
+        patch.setattr("gsedit.select.subject.load_network", lambda: drawn)
+        yield
+
+
+@pytest.fixture(scope="module")
 def ball():
     """The truth of a stone ball in a garden, the scene, its own Gaussians, and cameras; what is
     found out of that scene is kept."""

@@ -9,6 +9,7 @@ OF_NETWORKS = ("diffusers", "transformers", "accelerate", "openvino", "stlpips_p
 """The last is of torch's compiler, which takes more than half a second to load."""
 BARE = """
 import importlib, pkgutil, sys
+from pathlib import Path
 
 class Absent:
     def find_spec(self, name, path=None, target=None):
@@ -25,11 +26,15 @@ for room in ("app", "capture", "editing"):
 import torch
 import gsedit
 from gsedit.pictures.viewer.libraries import import_viser
-from gsedit.bench.synthetic import demo_scene, surface_gaussians
+from gsedit.bench.synthetic import demo_scene, ring_cameras, surface_gaussians
+from gsedit.views.cameras_json import write_cameras
+from gsedit.views.viewpoints import Viewpoint
 from gsedit_cli.main import main
 
 import_viser()
 gsedit.save(surface_gaussians(demo_scene(), 1000, torch.Generator().manual_seed(0)), "a.ply")
+cameras = ring_cameras(demo_scene(), 2, 64)
+write_cameras([Viewpoint(str(i), each) for i, each in enumerate(cameras)], Path("cameras.json"))
 sys.argv = ["gsedit", "edit", "a.ply", "paint it red", "-o", "out", "--size", "64"]
 main()
 """
