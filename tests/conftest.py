@@ -68,6 +68,6 @@ def ball():
     lit = LitSolid(globe(), garden)
     stone = Finish(plain_base((0.5, 0.45, 0.4)), specular=0.0)
     scene, own = captured(lit, stone, 1200, 3000, torch.Generator().manual_seed(0))
-    cameras = (*ring_cameras(lit.solid, 10, 64), *ring_cameras(lit.solid, 8, 64, elevation=55.0))
+    cameras = (*ring_cameras(lit.solid, 7, 64), *ring_cameras(lit.solid, 5, 64, elevation=55.0))
     with SceneCache(scene).used():
         yield lit, scene, own, cameras

@@ -9,7 +9,6 @@ OF_NETWORKS = ("diffusers", "transformers", "accelerate", "openvino", "stlpips_p
 """The last is of torch's compiler, which takes more than half a second to load."""
 BARE = """
 import importlib, pkgutil, sys
-from pathlib import Path
 
 class Absent:
     def find_spec(self, name, path=None, target=None):
@@ -33,8 +32,8 @@ from gsedit_cli.main import main
 
 import_viser()
 gsedit.save(surface_gaussians(demo_scene(), 1000, torch.Generator().manual_seed(0)), "a.ply")
-cameras = ring_cameras(demo_scene(), 2, 64)
-write_cameras([Viewpoint(str(i), each) for i, each in enumerate(cameras)], Path("cameras.json"))
+ring = enumerate(ring_cameras(demo_scene(), 2, 64))
+write_cameras([Viewpoint(str(i), each) for i, each in ring], "cameras.json")
 sys.argv = ["gsedit", "edit", "a.ply", "paint it red", "-o", "out", "--size", "64"]
 main()
 """
