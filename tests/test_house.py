@@ -80,9 +80,6 @@ def test_functions_are_short():
     assert len(long) <= LONGER_FUNCTIONS, long
 
 
-def test_the_package_has_few_loose_files():
+def test_the_package_has_few_loose_files_and_at_most_sixteen_folders():
     assert len(list((ROOT / "gsedit").glob("*.py"))) <= LOOSE_FILES
-
-
-def test_the_package_has_at_most_sixteen_folders():
     assert len(list((ROOT / "gsedit").glob("*/__init__.py"))) <= FOLDERS

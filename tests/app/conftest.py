@@ -20,8 +20,7 @@ from gsedit.views.viewpoints import Viewpoint
 
 @pytest.fixture(scope="module", autouse=True)
 def ended(quick_saliency) -> Iterator[None]:
-    """Wait for what tabs that are closed still prepare: the interpreter cannot end inside C++.
-    Every test opens a page, which looks for its subject."""
+    """Wait for what closed tabs still prepare: the interpreter cannot end inside C++."""
     yield
     for each in threads():
         if each.name in ("prepare", "soon"):
