@@ -22,7 +22,6 @@ from rasterizer.scene import Gaussians
 
 OPACITY = 0.985  # below the cap of alpha: at it, float32 and float64 disagree on the gradient
 PROBES = 8  # directions in which a disc is tried against the surface
-ARRIVED = 1e-13  # a few roundings of coordinates of size 1: no step brings a point nearer
 OVERHANG = 0.2  # how far, in its radii, a disc may leave the surface at its own rim
 
 
@@ -100,14 +99,11 @@ def _candidates(
 
 def _project(sdf: Sdf, points: Float[Tensor, "m 3"]) -> Float[Tensor, "k 3"]:
     """The points moved onto the surface along the gradient; those that miss it are left out."""
-    points, distance = points.clone(), sdf(points)
-    for _ in range(6):  # Newton: 4 are enough from this shell, and most arrive by the first
-        rows = (distance.abs() > ARRIVED).nonzero().squeeze(-1)
-        slope = gradient(sdf, points[rows])
+    for _ in range(6):  # Newton: 4 are enough from this shell
+        slope = gradient(sdf, points)
         square = (slope * slope).sum(-1, keepdim=True).clamp_min(0.01)  # 0 on a medial axis
-        points[rows] -= distance[rows, None] * slope / square
-        distance[rows] = sdf(points[rows])
-    return points[distance.abs() < 1e-9]  # others lie between two solids
+        points = points - sdf(points)[..., None] * slope / square
+    return points[sdf(points).abs() < 1e-9]  # others lie between two solids
 
 
 def _first_come(points: Float[Tensor, "m 3"], distance: float) -> Bool[Tensor, " m"]:
