@@ -13,3 +13,11 @@ def match(camera_a, depth_a, alpha_a, camera_b, depth_b, alpha_b, cell=8, rules=
     """Mutual matches between the cells of two views; symmetric in them."""
     views = (camera_a, depth_a, alpha_a), (camera_b, depth_b, alpha_b)
     return mutual(*(cell_surfaces(*each, cell, rules) for each in views), rules)
+
+
+def correspondence(scene, camera_a, xy, camera_b):
+    """Pixels of camera_b (nan for none) of what camera_a sees at `xy`, and whether it sees it."""
+    depth = scene._depth(camera_a, xy.reshape(-1, 2)).reshape(xy.shape[:-1])
+    hit = depth.isfinite()
+    points = camera_a.unproject(xy, depth.masked_fill(~hit, torch.nan))
+    return camera_b.project(points)[0], hit & scene.visible(points, camera_b)

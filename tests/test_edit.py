@@ -148,13 +148,3 @@ def test_requests_that_cannot_be_met_are_refused_before_any_work(scene, data):
         SinglePass(0)
     with pytest.raises(UsageError, match=r"SinglePass\(\)"):
         gsedit.edit(scene, "as a woodcut", views=data, strategy=SinglePass)
-
-
-def test_the_python_api_reads_edits_and_writes(tmp_path, scene, quick_search):
-    path = tmp_path / "scene.ply"
-    gsedit.save(scene, path)
-    quick = replace(SMALL, batches=1)
-    result = gsedit.edit(gsedit.load(path), "as a woodcut", settings=quick, strategy=SinglePass(1))
-    gsedit.save(result.scene, tmp_path / "edited.ply")
-    again = gsedit.load(tmp_path / "edited.ply")
-    assert torch.equal(again.sh, result.scene.sh)

@@ -18,15 +18,10 @@ def python(code: str) -> subprocess.CompletedProcess[str]:
 @pytest.mark.parametrize(
     "module",
     [
-        "gsedit",
         "gsedit.errors",
-        "gsedit.formats",
-        "gsedit.paper.diffusion.settings",
         "gsedit.paper.settings",
-        "gsedit.capture.fitting.settings",
         "gsedit.formats.registry",
         "rasterizer.numerics",
-        "gsedit_cli.main",
     ],
 )
 def test_light_modules_do_not_load_torch(module):

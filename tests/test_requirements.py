@@ -25,11 +25,15 @@ for room in ("app", "capture", "editing"):
 import torch
 import gsedit
 from gsedit.pictures.viewer.libraries import import_viser
-from gsedit.bench.synthetic import demo_scene, surface_gaussians
+from gsedit.bench.synthetic import demo_scene, ring_cameras, surface_gaussians
+from gsedit.views.cameras_json import write_cameras
+from gsedit.views.viewpoints import Viewpoint
 from gsedit_cli.main import main
 
 import_viser()
 gsedit.save(surface_gaussians(demo_scene(), 1000, torch.Generator().manual_seed(0)), "a.ply")
+ring = enumerate(ring_cameras(demo_scene(), 2, 64))
+write_cameras([Viewpoint(str(i), each) for i, each in ring], "cameras.json")
 sys.argv = ["gsedit", "edit", "a.ply", "paint it red", "-o", "out", "--size", "64"]
 main()
 """

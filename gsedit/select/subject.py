@@ -64,16 +64,16 @@ class Block(nn.Module):
         self.up = nn.ModuleList(_conv(2 * INNER, n, d) for n, d in zip(outputs, back, strict=True))
 
     def forward(self, x: Float[Tensor, "v c h w"]) -> Float[Tensor, "v k h w"]:
-        x = first = self.first(x).relu()
+        x = first = self.first(x).relu_()
         kept: list[Tensor] = []
         for i, conv in enumerate(self.down):
             halved = not self.flat and 0 < i < len(self.down) - 1
-            x = conv(max_pool2d(x, 2, ceil_mode=True) if halved else x).relu()
+            x = conv(max_pool2d(x, 2, ceil_mode=True) if halved else x).relu_()
             kept.append(x)
         kept.pop()
         for conv in reversed(self.up):
             below = kept.pop()
-            x = conv(torch.cat((_resized(x, below), below), 1)).relu()
+            x = conv(torch.cat((_resized(x, below), below), 1)).relu_()
         return x + first
 
 

@@ -19,17 +19,8 @@ from gsedit.views.viewpoints import Viewpoint
 
 
 @pytest.fixture(scope="module", autouse=True)
-def quick_saliency() -> Iterator[None]:
-    """All that is not black stands out: every test opens a page, which looks for its subject."""
-    drawn = lambda x: (x.amax(1) > -1.7).float()  # noqa: E731 (of normalised colors)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("gsedit.select.subject.load_network", lambda: drawn)
-        yield
-
-
-@pytest.fixture(scope="module", autouse=True)
 def ended(quick_saliency) -> Iterator[None]:
-    """Wait for what tabs that are closed still prepare: the interpreter cannot end inside C++."""
+    """Wait for what closed tabs still prepare: the interpreter cannot end inside C++."""
     yield
     for each in threads():
         if each.name in ("prepare", "soon"):

@@ -5,7 +5,7 @@ from functools import cache
 
 import pytest
 import torch
-from matching import match
+from matching import correspondence, match
 from small_scenes import scenes
 
 from gsedit.bench.synthetic import ring_cameras, surface_gaussians
@@ -44,7 +44,7 @@ def test_accepted_cells_correspond(name):
     near, total = 0, 0
     for a, b in itertools.permutations(range(3), 2):
         pairs = match(*looks[a], *looks[b])
-        xy, visible = scene.correspondence(cameras[a], centers[pairs.a], cameras[b])
+        xy, visible = correspondence(scene, cameras[a], centers[pairs.a], cameras[b])
         assert visible.all()  # no pair across an occlusion
         near += int(((xy - centers[pairs.b]).abs().amax(-1) <= 4).sum())  # half a cell of 8 pixels
         total += len(pairs.a)

@@ -32,7 +32,7 @@ def test_sds_approaches_the_truth_without_any_edited_picture():
     assert tight < 0.5 * loose
 
 
-def test_sds_needs_a_diffusion_model(tmp_path):
+def test_sds_needs_a_diffusion_model(tmp_path, quick_saliency):
     program = Command("true {input} {output}", folder=tmp_path)
     with pytest.raises(UsageError, match="needs a diffusion model"):
         edit(scene(), PROMPT, editor=program, views=data(), settings=SETTINGS, strategy=Sds())

@@ -6,6 +6,7 @@ import math
 
 import pytest
 import torch
+from matching import correspondence
 from small_scenes import scenes
 
 from gsedit.bench.synthetic import (
@@ -113,11 +114,11 @@ def test_correspondences_see_the_same_color(scene):
     cameras = ring_cameras(scene, 12, 32)
     a, b = cameras[0], cameras[1]
     xy = a.pixel_centers()
-    xy_b, visible = scene.correspondence(a, xy, b)
+    xy_b, visible = correspondence(scene, a, xy, b)
     assert float(visible[scene.trace(a).hit].double().mean()) > 0.1
     assert not bool(visible[~scene.trace(a).hit].any())
     # the round trip ends where it began; at a silhouette a rounding may lose it
-    xy_a, back = scene.correspondence(b, xy_b[visible], a)
+    xy_a, back = correspondence(scene, b, xy_b[visible], a)
     assert float(back.double().mean()) > 0.99
     torch.testing.assert_close(xy_a[back], xy[visible][back], atol=1e-3, rtol=0)
     # the colors that two perfect photos would show there

@@ -87,20 +87,6 @@ class SyntheticScene:
         visible[visible.clone()] = depth.isinf()
         return visible
 
-    def correspondence(
-        self, camera_a: Camera, xy: Float[Tensor, "*b 2"], camera_b: Camera
-    ) -> tuple[Float[Tensor, "*b 2"], Bool[Tensor, "*b"]]:
-        """Position in camera_b of the surface that camera_a sees at `xy` (pixels), and whether
-        camera_b sees it.
-
-        Positions are nan where camera_a sees no solid.
-        """
-        xy = xy.to(torch.float64)
-        depth = self._depth(camera_a, xy.reshape(-1, 2)).reshape(xy.shape[:-1])
-        hit = depth.isfinite()
-        points = camera_a.unproject(xy, depth.masked_fill(~hit, torch.nan))
-        return camera_b.project(points)[0], hit & self.visible(points, camera_b)
-
     def _image(self, points: Float[Tensor, "k 3"], hit: Bool[Tensor, " m"]) -> Float[Tensor, "m 3"]:
         """Colors of rays: the albedo where they hit, else the background."""
         image = self.background.to(torch.float64).repeat(len(hit), 1)

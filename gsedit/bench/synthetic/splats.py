@@ -82,18 +82,19 @@ def _candidates(
     """
     shell = 0.03 * scene.radius
     cube = (2 * scene.radius) ** 3
-    batches, accepted, drawn = [], 0, 0
-    while accepted < count:
-        cloud = torch.rand((1 << 16, 3), generator=generator, dtype=torch.float64)
-        cloud = (2 * cloud - 1) * scene.radius
-        near = cloud[scene.sdf(cloud).abs() < shell]
-        if not len(near):
-            raise ValueError(f"scene {scene.name} has no surface within its radius")
-        near = _project(scene.sdf, near)
-        near = near[(near.norm(dim=-1) < scene.radius)]
-        batches.append(near)
-        accepted, drawn = accepted + len(near), drawn + len(cloud)
-    return torch.cat(batches), cube * accepted / drawn / (2 * shell)
+    found, drawn = torch.empty((0, 3), dtype=torch.float64), 0
+    while len(found) < count:
+        layer = found.new_empty((0, 3))
+        while len(layer) < count - len(found):  # many are projected at once
+            cloud = torch.rand((1 << 16, 3), generator=generator, dtype=torch.float64)
+            cloud = (2 * cloud - 1) * scene.radius
+            near = cloud[scene.sdf(cloud).abs() < shell]
+            if not len(near):
+                raise ValueError(f"scene {scene.name} has no surface within its radius")
+            layer, drawn = torch.cat((layer, near)), drawn + len(cloud)
+        layer = _project(scene.sdf, layer)
+        found = torch.cat((found, layer[layer.norm(dim=-1) < scene.radius]))
+    return found, cube * len(found) / drawn / (2 * shell)
 
 
 def _project(sdf: Sdf, points: Float[Tensor, "m 3"]) -> Float[Tensor, "k 3"]:

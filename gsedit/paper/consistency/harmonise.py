@@ -20,6 +20,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from gsedit.views.depth_maps import warp_of
+from gsedit.views.image_ops import filtered, gaussian
 from rasterizer.camera import Camera
 
 TOLERANCE = 0.1
@@ -140,7 +141,4 @@ def _carried(
 
 def _blur(planes: Float[Tensor, "v c h w"], sigma: float) -> Float[Tensor, "v c h w"]:
     """Gaussian, nothing (0) outside the picture."""
-    from kornia.filters import gaussian_blur2d
-
-    side = 2 * max(round(3 * sigma), 1) + 1
-    return gaussian_blur2d(planes, side, (sigma, sigma), border_type="constant")
+    return filtered(planes, gaussian(2 * max(round(3 * sigma), 1) + 1, sigma), "constant")
