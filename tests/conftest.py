@@ -49,9 +49,9 @@ def quick_search(monkeypatch):
 @pytest.fixture(scope="module")
 def quick_saliency():
     """All that is not black stands out, where it does not matter what the subject is."""
-    with pytest.MonkeyPatch.context() as patch:  # of normalised colors
-        network = lambda: lambda x: (x.amax(1) > -1.7).float()  # noqa: E731
-        patch.setattr("gsedit.select.subject.load_network", network)
+    with pytest.MonkeyPatch.context() as patch:
+        drawn = lambda x: (x.amax(1) > -1.7).float()  # noqa: E731 (of normalised colors)
+        patch.setattr("gsedit.select.subject.load_network", lambda: drawn)
         yield
 
 

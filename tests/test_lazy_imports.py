@@ -18,8 +18,12 @@ def python(code: str) -> subprocess.CompletedProcess[str]:
 @pytest.mark.parametrize(
     "module",
     [
+        "gsedit",
         "gsedit.errors",
+        "gsedit.formats",
+        "gsedit.paper.diffusion.settings",
         "gsedit.paper.settings",
+        "gsedit.capture.fitting.settings",
         "gsedit.formats.registry",
         "rasterizer.numerics",
     ],

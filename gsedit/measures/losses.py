@@ -8,12 +8,6 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.views.image_ops import filtered, gaussian
-
-LUMA, CONTRAST = 0.01**2, 0.03**2
-"""Constants of SSIM for pictures in [0, 1], and below its window (Wang et al. 2004)."""
-WINDOW = gaussian(11, 1.5)
-
 
 def mse(image: Float[Tensor, "*s"], target: Float[Tensor, "*s"]) -> Float[Tensor, ""]:
     """Mean squared error over all elements; the color term of eq. (loss)."""
@@ -27,13 +21,10 @@ def l1(image: Float[Tensor, "*s"], target: Float[Tensor, "*s"]) -> Float[Tensor,
 
 def ssim(image: Float[Tensor, "*n h w 3"], target: Float[Tensor, "*n h w 3"]) -> Float[Tensor, ""]:
     """Mean structural similarity, in [-1, 1]; sides of 6 pixels or more (reflected at borders)."""
+    from kornia.metrics import ssim as ssim_map
+
     a, b = (t.reshape(-1, *t.shape[-3:]).movedim(-1, 1) for t in (image, target))
-    mean_a, mean_b, square_a, square_b, product = (
-        filtered(each, WINDOW, "reflect") for each in (a, b, a * a, b * b, a * b)
-    )
-    both, squares = mean_a * mean_b, mean_a.square() + mean_b.square()
-    alike = (2 * both + LUMA) * (2 * (product - both) + CONTRAST)
-    return _mean(alike / ((squares + LUMA) * (square_a + square_b - squares + CONTRAST)))
+    return _mean(ssim_map(a, b, 11, max_val=1.0))  # the window of Wang et al. 2004
 
 
 def dssim(image: Float[Tensor, "*n h w 3"], target: Float[Tensor, "*n h w 3"]) -> Float[Tensor, ""]:

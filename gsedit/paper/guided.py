@@ -10,7 +10,7 @@ import torch.nn.functional as F
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.views.image_ops import downscale, filtered
+from gsedit.views.image_ops import downscale
 
 RADIUS = 1
 """Radius of the local maps' windows, in small pixels: of 1, 2 and 4, the nearest to the truth."""
@@ -80,8 +80,10 @@ def _products(a: Float[Tensor, "v 3 y x"], b: Float[Tensor, "v 3 y x"]) -> Float
 
 
 def _window_mean(x: Float[Tensor, "v c y x"]) -> Float[Tensor, "v c y x"]:
+    from kornia.filters import box_blur
+
     side = 2 * RADIUS + 1
-    return filtered(x, torch.full((side,), 1 / side), "replicate")
+    return box_blur(x, (side, side), border_type="replicate", separable=True)
 
 
 def _enlarge(

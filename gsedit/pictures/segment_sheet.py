@@ -128,6 +128,17 @@ def _free_box(
     for step in (0, 1, -1, 2, -2, 3, -3):
         y0 = min(max(y - height / 2 + step * (height + 1), 1), size[1] - height - 1)
         box = (x0, y0, x0 + width, y0 + height)
-        if not any(x0 < c and a < box[2] and y0 < d and b < box[3] for a, b, c, d in taken):
+        if not any(_meet(box, other) for other in taken):
             break
     return box
+
+
+def _meet(
+    first: tuple[float, float, float, float], second: tuple[float, float, float, float]
+) -> bool:
+    return (
+        first[0] < second[2]
+        and second[0] < first[2]
+        and first[1] < second[3]
+        and second[1] < first[3]
+    )

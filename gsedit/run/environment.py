@@ -9,7 +9,7 @@ from typing import Any
 
 from gsedit.errors import GseditError
 
-PACKAGES = ("gsedit", "torch", "numpy")
+PACKAGES = ("gsedit", "torch", "numpy", "kornia")
 EXTRAS = {
     "OpenEXR": "exr",
     "av": "video",

@@ -15,7 +15,6 @@ import numpy as np
 import torch
 from jaxtyping import Float, Int, Shaped
 from torch import Tensor
-from torch.nn.functional import conv2d, pad
 
 from gsedit.scene.quaternions import axis_rotation
 from rasterizer.camera import Camera
@@ -42,24 +41,6 @@ def _area_weights(old: int, new: int) -> Float[Tensor, "{new} {old}"]:
     pixels = torch.arange(old, dtype=torch.float64)
     overlap = torch.minimum(edges[1:, None], pixels + 1) - torch.maximum(edges[:-1, None], pixels)
     return (overlap.clamp_min(0) * (new / old)).float()
-
-
-def gaussian(side: int, sigma: float) -> Float[Tensor, " {side}"]:
-    """Weights of a window of an odd number of pixels; they sum to 1."""
-    weights = torch.exp(-0.5 * ((torch.arange(side) - side // 2) / sigma).double().square())
-    return weights / weights.sum()
-
-
-def filtered(
-    planes: Float[Tensor, "v c h w"], window: Float[Tensor, " k"], border: str
-) -> Float[Tensor, "v c h w"]:
-    """Sums by a window's weights along rows, then columns; `border` is a mode of torch's `pad`."""
-    channels, reach = planes.shape[1], len(window) // 2
-    weights = window.to(planes).expand(channels, 1, -1)
-    last = planes.contiguous(memory_format=torch.channels_last)  # several times as fast
-    rows = pad(last, (reach, reach, 0, 0), mode=border)
-    columns = pad(conv2d(rows, weights[:, :, None], groups=channels), (0, 0, reach, reach), border)
-    return conv2d(columns, weights[..., None], groups=channels)
 
 
 def rotate_hue(colors: Float[Tensor, "*n 3"], degrees: float) -> Float[Tensor, "*n 3"]:

@@ -56,7 +56,7 @@ class PixelCache:
             camera,
             cast(Any, lambda: _unit(self._levels(picture).image)),
             cast(Any, lambda: self._levels(picture).mask),
-            cast(Any, lambda: _unit(self._levels(picture).alpha)),
+            cast(Any, lambda: _unit_or_none(self._levels(picture).alpha)),
             lens,
         )
 
@@ -163,5 +163,9 @@ def _bytes(values: Float[Tensor, "*s"]) -> UInt8[Tensor, "*s"]:
     return (values.clamp(0, 1) * 255).round().to(torch.uint8)
 
 
-def _unit(levels: UInt8[Tensor, "*s"] | None) -> Float[Tensor, "*s"] | None:
-    return None if levels is None else levels.float() / 255
+def _unit(levels: UInt8[Tensor, "*s"]) -> Float[Tensor, "*s"]:
+    return levels.float() / 255
+
+
+def _unit_or_none(levels: UInt8[Tensor, "*s"] | None) -> Float[Tensor, "*s"] | None:
+    return None if levels is None else _unit(levels)

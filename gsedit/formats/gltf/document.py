@@ -92,8 +92,7 @@ class Document:
     def item(self, name: str, index: Any) -> dict[str, Any]:
         """An entry of one of the lists at the top. Raises InputError where there is none."""
         items = self.json.get(name)
-        known = type(index) is int and isinstance(items, list) and 0 <= index < len(items)
-        found = items[index] if known else None
+        found = items[index] if _is_index(index, items) else None
         if not isinstance(found, dict):
             raise InputError(f"{self.path} has no {name}[{index!r}]: {AGAIN}")
         return found
@@ -140,3 +139,12 @@ class Document:
             )
         normalized = found.get("normalized") is True
         return Accessor(self, offset + inner, stride, count, kind, size, normalized)
+
+
+def _is_index(index: Any, items: Any) -> bool:
+    return (
+        isinstance(index, int)
+        and not isinstance(index, bool)
+        and isinstance(items, list)
+        and 0 <= index < len(items)
+    )

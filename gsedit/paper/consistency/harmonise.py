@@ -20,7 +20,6 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from gsedit.views.depth_maps import warp_of
-from gsedit.views.image_ops import filtered, gaussian
 from rasterizer.camera import Camera
 
 TOLERANCE = 0.1
@@ -141,4 +140,7 @@ def _carried(
 
 def _blur(planes: Float[Tensor, "v c h w"], sigma: float) -> Float[Tensor, "v c h w"]:
     """Gaussian, nothing (0) outside the picture."""
-    return filtered(planes, gaussian(2 * max(round(3 * sigma), 1) + 1, sigma), "constant")
+    from kornia.filters import gaussian_blur2d
+
+    side = 2 * max(round(3 * sigma), 1) + 1
+    return gaussian_blur2d(planes, side, (sigma, sigma), border_type="constant")
