@@ -298,7 +298,7 @@ def paint_scenery(
             return grow(scene, change.name, cameras=looking.cameras, shown=some)
     seen = looking.seen(scene)
     made = in_scenery(scene, change.name, looking.cameras, seen, inside)
-    lit = SCENERIES[change.name].light is not None  # autumn and a sketch bring none
+    lit = SCENERIES[change.name].light is not None  # autumn brings none
     return _recolored(made, inside, *(_light_notes(scene, looking) if lit else ()))
 
 

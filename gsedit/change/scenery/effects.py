@@ -1,8 +1,8 @@
 """Weather and seasons, rows of gsedit/words/appearances.txt: light, how surfaces look, colors that
 depend on the view; and what they change: foliage, what faces up, the sky.
 
-Covers, leaves and water change colors alike from every side; gloss of what is wet and the lines of
-drawings, which are where a surface turns away from the eye, are spherical harmonics of degree 2.
+Covers, leaves and water change colors alike from every side; gloss of what is wet is spherical
+harmonics of degree 2.
 `n` Gaussians, of which `m` change; `d` directions they are seen from; `k` coefficients.
 """
 
@@ -234,21 +234,10 @@ def added(
     return replace(scene, sh=sh)
 
 
-PAPER, GRAPHITE = (0.95, 0.94, 0.91), (0.16, 0.16, 0.18)
-"""Display colors of paper and of lines."""
-RIM = 4
-"""Power of 1 less the cosine to the eye, with which a line at the rim of a surface fades."""
+PAPER = (0.95, 0.94, 0.91)
+"""Display color of paper."""
 PALE, VIVID = 0.75, 1.6
 """Share of its darkness that a wash keeps, and the factor of its saturation."""
-
-
-def sketch(setting: Setting) -> ColorChange:
-    """Pencil on paper: shade in soft tones, lines where colors change."""
-    shade = 0.42 * (1 - _spread(setting)) ** 1.5
-    grain = 1 + 0.16 * setting.noise(LEAF / 3, 31)
-    share = (shade * grain + 0.75 * _lines(setting)).clamp(0, 1)
-    paper, graphite = (torch.tensor(each).double() for each in (PAPER, GRAPHITE))
-    return _veil(torch.lerp(paper, graphite, share[:, None]))
 
 
 def watercolor(setting: Setting) -> ColorChange:
@@ -263,30 +252,6 @@ def watercolor(setting: Setting) -> ColorChange:
     pooled = 1 - 0.45 * _lines(setting)
     wash = torch.lerp(vivid, paper.expand_as(vivid), thin.clamp(0, 0.8)[:, None])
     return _veil((wash * pooled[:, None]).clamp(0, 1))
-
-
-def penciled(setting: Setting, after: Gaussians) -> Gaussians:
-    """The drawn scene with pencil lines where it turns away from the eye."""
-    surface = setting.found.surface
-    views = torch.from_numpy(even_directions(VIEWS)).double()
-    away = torch.tensor(GRAPHITE).double() - sh_to_color(after.sh[:, 0].double())
-    sure = step(surface.confidence, 0.5, 0.9)
-    rims = ((1 - (surface.normals @ view).clamp_min(0)) ** RIM for view in views)
-    lines = ((sure * rim)[:, None] * away for rim in rims)
-    return added(after, torch.arange(len(after)), views, lines)
-
-
-def _spread(setting: Setting) -> Float[Tensor, " n"]:
-    """Brightness from 0 for the darkest to 1 for the brightest parts of what is seen."""
-    luma = setting.found.surface.smoothed(setting.luminance) ** (1 / GAMMA)
-    weight = setting.found.seen
-    order = luma.argsort()
-    rank = weight[order].cumsum(0) / weight.sum().clamp_min(1e-12)
-    low, high = (
-        luma[order[int(torch.searchsorted(rank, share).clamp_max(len(luma) - 1))]]
-        for share in (0.02, 0.98)
-    )
-    return ((luma - low) / (high - low).clamp_min(1e-6)).clamp(0, 1)
 
 
 def _lines(setting: Setting) -> Float[Tensor, " n"]:

@@ -1,5 +1,5 @@
-"""`painter` as an editor: views are painted in a style, by name or that of a picture; and a sheet
-of all styles.
+"""`painter` as an editor: views are painted in a style, by name or that of a picture, or drawn in
+pencil; and a sheet of all styles.
 
 `v` pictures of `h w` pixels.
 """
@@ -11,8 +11,11 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
+import numpy as np
 import torch
+from jaxtyping import Float
 from PIL import Image
+from torch import Tensor
 
 from gsedit.errors import Said, UsageError
 from gsedit.formats.pictures import as_picture
@@ -35,6 +38,7 @@ from gsedit.scene.color_space import LUMINANCE
 from gsedit.scene.picture import render_picture
 from gsedit.views.around import score_render
 from gsedit.views.dataset import evenly_spaced
+from gsedit.views.noise import noise
 from gsedit.views.viewpoints import Viewpoint
 from gsedit.words.lexicon import LIKE, styles
 from rasterizer.scene import Gaussians
@@ -45,6 +49,45 @@ BRUSH = 384
 a grid of dots."""
 BATCHES = 6
 """A view takes 0.05 s, so that more of a scene is painted than another editor would edit."""
+
+
+SKETCH = "sketch"
+"""Name of the style that is drawn, over what the others paint."""
+PAPER, GRAPHITE = (0.96, 0.95, 0.92), (0.16, 0.16, 0.18)
+"""Display colors of paper and of lines."""
+LINES = ((1.0, 1.0), (2.2, 0.7))
+"""Widths of lines, pixels, and how dark they are."""
+EDGE = 0.07
+"""Difference in tone at which a line is as dark as it gets."""
+HATCHES = ((40.0, 0.75), (-35.0, 0.45), (5.0, 0.22))
+"""Directions of hatching, degrees, and the tones below which each begins."""
+STROKE = (14.0, 1.5)
+"""Length and width of its strokes, pixels."""
+
+
+def penciled(picture: Float[Tensor, "h w 3"]) -> Float[Tensor, "h w 3"]:
+    """The picture in pencil: lines on the dark side of edges, and hatching by tone."""
+    from scipy.ndimage import gaussian_filter
+
+    luma = picture.double().numpy() @ (LUMINANCE / LUMINANCE.sum())
+    low, high = np.quantile(luma, (0.02, 0.98))
+    tone = np.clip((luma - low) / max(high - low, 1e-3), 0, 1)
+    line = np.zeros_like(tone)
+    for size, dark in LINES:
+        edge = gaussian_filter(tone, 1.6 * size) - gaussian_filter(tone, size)
+        line = np.maximum(line, dark * np.clip(edge / EDGE, 0, 1))
+    soft = gaussian_filter(tone, 1.5)
+    beside = (soft - gaussian_filter(soft, 20)) / max(4 * soft.std(), 1e-3)
+    soft = 0.65 * soft + 0.35 * np.clip(0.5 + beside, 0, 1)
+    y, x = np.indices(tone.shape)
+    for number, (angle, begins) in enumerate(HATCHES):
+        turn = np.exp(1j * np.radians(angle)) * (x + 1j * y)
+        at = np.stack((turn.real / STROKE[0], turn.imag / STROKE[1], 0 * turn.real), -1)
+        grain = noise(torch.from_numpy(at).reshape(-1, 3), number).reshape(tone.shape).numpy()
+        hatch = np.clip((begins - soft) / 0.3, 0, 1) * np.clip(0.55 + 0.6 * grain, 0, 1)
+        line = line + hatch / len(HATCHES)
+    paper, graphite = picture.new_tensor(PAPER), picture.new_tensor(GRAPHITE)
+    return torch.lerp(paper, graphite, torch.from_numpy(line).clamp(0, 1)[..., None].to(picture))
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +105,8 @@ class Painter:
     """Whether only the brightness of pictures is painted."""
     asked: tuple[Affine, ...] = ()
     """Affine maps of what is painted, which `in_styles` gives."""
+    draws: bool = False
+    """Whether it is drawn then, which `in_styles` tells."""
     cell: int = CELL
     stroke_batches: int = BATCHES
 
@@ -83,7 +128,7 @@ class Painter:
 
     def check(self, prompt: str) -> None:
         """Raise UsageError where no style was given: it reads no prompt."""
-        if not self.asked:
+        if not (self.asked or self.draws):
             raise UsageError(f"{prompt!r}: the painter reads no words, tell it by `in_styles`")
 
     def in_styles(self, names: tuple[str, ...]) -> Painter:
@@ -94,8 +139,15 @@ class Painter:
             raise UsageError(Said("no picture is given", "like"))
         if self.like and named:
             raise UsageError(Said(f"{named[0]} is not the style of {self.like}", "unlike"))
-        maps = [self.styles[styles()[name]] for name in named] or [self.styles[0]]
-        return replace(self, asked=mixed(maps, [1.0] * len(maps)))
+        maps = [self.styles[styles()[name]] for name in named if name != SKETCH]
+        maps = maps if SKETCH in named else maps or [self.styles[0]]
+        asked = mixed(maps, [1.0] * len(maps)) if maps else ()
+        return replace(self, asked=asked, draws=SKETCH in named)
+
+    def pictures(self, originals: Float[Tensor, "v h w 3"]) -> Float[Tensor, "v h w 3"]:
+        """Pictures in the styles that are asked for, at full strength."""
+        made = painted(self.network, originals, self.asked) if self.asked else originals
+        return torch.stack([penciled(each) for each in made]) if self.draws else made
 
     @torch.no_grad()
     def edit(
@@ -104,7 +156,7 @@ class Painter:
         """Paint the originals; none is anchored to another. Raises UsageError as `check`."""
         self.check(batch.prompt)
         originals = batch.originals
-        change = painted(self.network, originals, self.asked) - originals
+        change = self.pictures(originals) - originals
         if self.keep_colors:
             change = (change @ change.new_tensor(LUMINANCE))[..., None]
         yield EditProgress(1, 1, (originals + self.strength * change).clamp(0, 1))
@@ -162,6 +214,6 @@ def style_sheet(scene: Gaussians, viewpoints: Sequence[Viewpoint]) -> Image.Imag
     shown = render_picture(scene, best)
     painter = load_painter()
     cells = [("unedited", shown)]
-    for name, number in styles().items():
-        cells.append((name, painted(painter.network, shown[None], painter.styles[number])[0]))
+    for name in styles():
+        cells.append((name, painter.in_styles((name,)).pictures(shown[None])[0]))
     return captioned([(name, as_picture(picture)) for name, picture in cells], COLUMNS)
