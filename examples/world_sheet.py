@@ -55,8 +55,8 @@ INSTRUCTIONS = (
     "as an expressionist painting",
 )
 """Sentences about the subject, the scene, objects and pictures."""
-DRAWN = len(INSTRUCTIONS) - 1
-"""Instruction that the painter draws."""
+DRAWN = len(INSTRUCTIONS) - 2
+"""First instruction that the painter draws."""
 FRONT = (("turn it into a bronze statue", "at night by moonlight"),
          ("make it snow", "polished white marble"),
          ("as an expressionist painting", "remove it"))  # fmt: skip
@@ -148,7 +148,7 @@ def edits(shown: Shown, instructions: Sequence[str]) -> Iterator[Gaussians | Non
     for i, text in enumerate(instructions):
         say(f"{shown.name}: {text}")
         try:
-            if i == DRAWN:
+            if i >= DRAWN:
                 views = rendered(shown.scene, shown.viewpoints)
                 yield gsedit.edit(shown.scene, text, views).scene
                 continue

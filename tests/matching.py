@@ -16,8 +16,8 @@ def match(camera_a, depth_a, alpha_a, camera_b, depth_b, alpha_b, cell=8, rules=
 
 
 def correspondence(scene, camera_a, xy, camera_b):
-    """Where camera_b has the surface of a synthetic scene that camera_a sees at pixels `xy`, and
-    whether it sees it; nan where camera_a sees none."""
+    """Places where camera_b has the surface that camera_a sees at pixels `xy`, and whether it sees
+    it; nan where camera_a sees none."""
     depth = scene._depth(camera_a, xy.reshape(-1, 2)).reshape(xy.shape[:-1])
     hit = depth.isfinite()
     points = camera_a.unproject(xy, depth.masked_fill(~hit, torch.nan))

@@ -135,7 +135,7 @@ CODECS = ("libx264", "libopenh264", "mpeg4")
 MOST_FPS_GIF = 50
 """A GIF counts in hundredths of a second, and browsers slow down frames of less than two."""
 QUALITY = 80
-"""Of a WebP: 0, the smallest file, to 100."""
+"""WebP's quality: 0, the smallest file, to 100."""
 
 
 def check_format(path: Path, fps: float) -> None:

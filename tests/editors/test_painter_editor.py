@@ -106,3 +106,10 @@ def test_strokes_around_an_object_are_left_out():
     assert not torch.equal(result.scene.sh[:, 0], scene.sh[origin, 0])
     off = (result.scene.means - scene.means[origin]).abs().amax(1)
     assert (off <= 3 * scene.scales[origin].amax(1)).all()
+
+
+def test_a_sketch_is_graphite_on_paper():
+    made = painted(make_editor("painter"), pictures(1), "sketch")
+    assert float((made.amax(-1) - made.amin(-1)).max()) < 0.05
+    assert float(made.max()) > 0.9
+    assert float(made.min()) < 0.5
