@@ -1,13 +1,45 @@
 """A network as a mask provider, against transformers' own classes run directly on tiny weights."""
 
 import pytest
-import tiny_segmenters as tiny
 import torch
+import transformers
 from PIL import Image
+from tiny_models import tiny_tokenizer
 
 from gsedit.paper.editors import make_masks
 
 PHRASE = "the red chair"
+VIT = getattr(transformers, "ViTImageProcessorPil", transformers.ViTImageProcessor)
+"""The processor of pictures that needs no torchvision, by either name."""
+
+
+def seeded(kind, config):
+    """A network of random weights, large enough that outputs differ from pixel to pixel."""
+    with torch.random.fork_rng():
+        torch.manual_seed(0)
+        network = kind(config).eval()
+        for weight in network.parameters():
+            if weight.ndim > 1:
+                weight.data += 0.2 * torch.randn_like(weight)
+    return network
+
+
+def tiny_clipseg(place):
+    """CLIPSeg of random weights and its processor, for pictures of 32 pixels."""
+    sizes = {"hidden_size": 32, "intermediate_size": 37, "num_attention_heads": 4}
+    ends = {"bos_token_id": 53, "eos_token_id": 54, "pad_token_id": 54}
+    config = transformers.CLIPSegConfig(
+        text_config={**sizes, **ends, "vocab_size": 55, "num_hidden_layers": 2},
+        vision_config={**sizes, "num_hidden_layers": 3, "image_size": 32, "patch_size": 8},
+        projection_dim=16,
+        extract_layers=[0, 1],
+        reduce_dim=16,
+        decoder_num_attention_heads=2,
+        decoder_intermediate_size=16,
+    )
+    pictures = VIT(size={"height": 32, "width": 32})
+    processor = transformers.CLIPSegProcessor(pictures, tiny_tokenizer(place))
+    return seeded(transformers.CLIPSegForImageSegmentation, config), processor
 
 
 def pictures():
@@ -24,8 +56,10 @@ def images():
 @pytest.fixture(scope="module")
 def clipseg(tmp_path_factory):
     place = tmp_path_factory.mktemp("clipseg")
-    model = tiny.clipseg(place / "words")
-    return model, tiny.saved(place / "model", model)
+    model = tiny_clipseg(place / "words")
+    for part in model:
+        part.save_pretrained(place / "model")
+    return model, place / "model"
 
 
 @torch.no_grad()
