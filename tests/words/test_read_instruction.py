@@ -287,7 +287,7 @@ def test_each_thing_has_its_own_look():
         "icicles would be too much", "unless it is red, remove the bear", "wipe the slate clean",
         "remove all colors but red", "put the bear on the moon",
         "add a second sun", "insert <3>",
-        "turn it purple by 30 degrees",
+        "turn it purple by 30 degrees", "clean up the background", "more bronzed please",
     ],
 )  # fmt: skip
 def test_a_turn_of_phrase_is_never_read_for_what_its_words_name(sentence):
@@ -304,6 +304,9 @@ def test_a_turn_of_phrase_is_never_read_for_what_its_words_name(sentence):
         ("don't make it brighter, I want it darker", "the whole scene 20 % darker"),
         ("statue in chrome like the T-1000", "the statue made of chrome"),
         ("make it wamer", "the whole scene 25 % warmer"),
+        ("turn the urn into brnze", "the urn made of bronze"),
+        ("spin it the way clocks go, 90", "the subject turned by 90 degrees clockwise"),
+        ("knock a third off its size", "the subject 33 % smaller"),
         ("make the stele gold", "the stele made of gold"),
         ("make the bear brighter and warmer", "the bear 20 % brighter; the bear 25 % warmer"),
         ("sword gold handle leather", "the sword made of gold (not read: 'handle leather')"),

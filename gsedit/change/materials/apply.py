@@ -221,7 +221,7 @@ NEAR_EYES = 0.02
 LEVELS = (0.1, 1.6)
 """Least and largest light on such a part, as its old colors tell it."""
 STUDIO = "nothing is around it: it is lit by a studio"
-DIM = "what is around it is too dark to have lit it: a studio lights it where nothing is"
+DIM = "what lit it is not in the scene, such as a sky: a studio lights it where nothing is"
 MIXED = "what is around it gives few highlights: key lights and a dark floor are mixed in"
 RAISED = "reflections need SH of degree 3: the scene had {}, and its file grows"
 SHOWN_EVERY = 3

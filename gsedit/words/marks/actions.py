@@ -39,7 +39,10 @@ AROUND = re.compile(
     re.IGNORECASE,
 )
 """Words of a turn by half a circle."""
-CLOCKWISE = re.compile(r"\b(counter|anti|contra)?[ -]?clock ?wise\b", re.IGNORECASE)
+CLOCKWISE = re.compile(
+    r"\b(counter|anti|contra)?[ -]?clock ?wise\b|\bway (?:the |a )?clocks? (?:go|turn|run)",
+    re.IGNORECASE,
+)
 """The way of a turn, and what turns it around."""
 WHERE: dict[str, Side] = {
     "left": "left", "right": "right", "up": "up", "down": "down", "front": "forward",
@@ -104,7 +107,11 @@ def _factor(asked: Asked, text: str) -> float | None:
     if number < 1 and ("." in said or "/" in said) and not said.startswith("by "):
         return number
     if number < 1:
-        added = said.startswith("by") or sign > 0 or asked.after.lower().endswith(("er", "again"))
+        added = (
+            said.startswith("by")
+            or sign > 0
+            or asked.after.lower().endswith(("er", "again", "off", "less"))
+        )
         return 1 + sign * number if added else number
     return 1 / number if sign < 0 else number
 

@@ -51,7 +51,7 @@ TOLD_OF = re.compile(
 """A sentence that only tells of a request."""
 INSTEAD = re.compile(
     r"\b(?:but|instead|rather)\b|(?<!n't )(?<!not )\bjust\b|[,;.:!?]\s*(?:and )?(?:only|make|paint|"
-    r"turn|it should|the|i(?:'d)? (?:want|need|like|prefer|would))\b",
+    r"turn|rotate|spin|move|put|use|give|it should|the|i(?:'d)? (?:want|need|like|prefer|would))\b",
     re.IGNORECASE,
 )
 """Words after which what is asked follows what is denied."""
@@ -77,6 +77,8 @@ TELLS = re.compile(
 """Words of a clause that only tells what there is."""
 QUALITIES = ("color", "material", "light", "look", "style", "growth", "finish")
 """Kinds of words that say what something becomes."""
+VAGUE = re.compile(rf"{LED}(?:clean|tidy|declutter)\b(?!.*\b(?:off|away|from)\b)", re.IGNORECASE)
+"""A sentence that may mean that something goes, and may not."""
 REFUSED = 0.6
 """Least probability that nothing can be done."""
 UNSURE = 0.7
@@ -123,8 +125,11 @@ def unsure(said: Marked, files: Sequence[str] = ()) -> bool:
     """Whether what is marked, or that nothing more is, is not sure; that files are put in is."""
     asked = (each for each in said.asked if not (files and each.of_file))
     least = min((each.sure for each in asked), default=1.0)
-    doubted = any(turned(each, said.text) for each in said.asked)
-    return doubted or least < UNSURE or said.more > MORE or said.kept_more > KEPT_MORE
+    vague = VAGUE.search(said.text)
+    doubted = any(
+        turned(each, said.text) or (vague and each.deed == "remove") for each in said.asked
+    )
+    return bool(doubted) or least < UNSURE or said.more > MORE or said.kept_more > KEPT_MORE
 
 
 def turned(asked: Asked, text: str) -> bool:
@@ -180,4 +185,7 @@ def heard(text: str, files: Sequence[str] = ()) -> tuple[tuple[Change, ...], boo
     changes = tuple(changes_of(said, files))
     if not said.kept and (stopped := stays_unheard(text, changes)):
         raise Refused("kept", stopped)
-    return changes, not unsure(said, files), unread(said, changes)
+    lost = unread(said, changes)
+    named = any(word.kind in QUALITIES[1:] for word in scanned(text))  # "less blue" is a tone
+    whole = named and text.strip(" .!?") in lost
+    return changes, not (whole or unsure(said, files)), lost

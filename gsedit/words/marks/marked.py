@@ -86,7 +86,9 @@ def _spelled(found: re.Match[str]) -> str:
     if len(low) > 5:
         near += [a + vowel + b for a, b in cut if len(b) > 2 for vowel in "aeiou"]
     if len(low) > 4:  # a tone that lacks a letter may be read as its opposite: "wamer"
-        near += known("state", "turn") & {a + c + b for a, b in cut for c in ascii_lowercase}
+        near += known("state", "turn", "material") & {
+            a + c + b for a, b in cut for c in ascii_lowercase
+        }
     right = known().intersection(near)
     if right and DETERMINERS.intersection(found.string[: found.start()].lower().split()[-1:]):
         after = scanned(found.string[found.end() :])[:1]

@@ -231,8 +231,9 @@ def look(name: str) -> Change | None:
 
 def mixed(name: str) -> list[str]:
     """All painting styles that words name: they are mixed."""
-    said = (word.value for word in scanned(name) if word.kind == "look")
-    return list(dict.fromkeys(each for each in said if each in lexicon.styles()))
+    said = {word.value: word.text for word in scanned(name) if word.kind == "look"}
+    styles = [each for each in said if each in lexicon.styles()]
+    return [each for each in styles if said[each] not in ("drawing", "drawn") or len(styles) == 1]
 
 
 def meant(value: str, sure: float, deed: str, side: str, degree: str) -> Change | None:
