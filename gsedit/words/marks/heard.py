@@ -77,7 +77,10 @@ TELLS = re.compile(
 """Words of a clause that only tells what there is."""
 QUALITIES = ("color", "material", "light", "look", "style", "growth", "finish")
 """Kinds of words that say what something becomes."""
-VAGUE = re.compile(rf"{LED}(?:clean|tidy|declutter)\b(?!.*\b(?:off|away|from)\b)", re.IGNORECASE)
+VAGUE = re.compile(
+    rf"{LED}(?:clean|tidy|declutter|bring|restore|throw)\b(?!.*\b(?:off|away|from)\b)",
+    re.IGNORECASE,
+)
 """A sentence that may mean that something goes, and may not."""
 REFUSED = 0.6
 """Least probability that nothing can be done."""

@@ -67,6 +67,10 @@ def known(*kinds: str) -> frozenset[str]:
     return frozenset(word for phrase in phrases for word in phrase.split())
 
 
+STAYING = frozenset(("except", "without", "everything", "background"))
+"""Words of what stays, in which a slip would change everything."""
+
+
 def spelled(text: str) -> str:
     """A text without slips in words that neither lexicon nor network knows: letters swapped after
     the first, a letter doubled or not, a vowel left out, a key missed in "the" or "and"."""
@@ -86,10 +90,9 @@ def _spelled(found: re.Match[str]) -> str:
     if len(low) > 5:
         near += [a + vowel + b for a, b in cut if len(b) > 2 for vowel in "aeiou"]
     if len(low) > 4:  # a tone that lacks a letter may be read as its opposite: "wamer"
-        near += known("state", "turn", "material") & {
-            a + c + b for a, b in cut for c in ascii_lowercase
-        }
-    right = known().intersection(near)
+        longer = {a + c + b for a, b in cut for c in ascii_lowercase}
+        near += (known("state", "turn", "material") | STAYING) & longer
+    right = (known() | STAYING).intersection(near)
     if right and DETERMINERS.intersection(found.string[: found.start()].lower().split()[-1:]):
         after = scanned(found.string[found.end() :])[:1]
         if not after or after[0].color or after[0].kind in AFTER_THING:
