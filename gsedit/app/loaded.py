@@ -17,7 +17,7 @@ from gsedit.app.looking import best_of
 from gsedit.errors import GseditError
 from gsedit.formats.scenes import read_scene
 from gsedit.scene.cache import SceneCache
-from gsedit.scene.framing import Bounds, bounds, framing_camera, guess_up
+from gsedit.scene.framing import Bounds, bounds
 from gsedit.scene.merging import MergedScene, coarsen
 from gsedit.views.around import FOUND_VIEWS, find_viewpoints
 from gsedit.views.cameras_json import cameras_file, recorded_viewpoints
@@ -176,23 +176,17 @@ class Loaded:
 
     @cached_property
     def middle(self) -> torch.Tensor:
-        """The place that the recorded cameras look at, or the middle of the bulk; float64."""
-        cameras = [each.camera for each in self.recorded]
-        found = common_point(cameras) if cameras else None
+        """The place that the views look at, or the middle of the bulk; float64."""
+        found = common_point([each.camera for each in self.viewpoints])
         return torch.tensor(self.bulk.center, dtype=torch.float64) if found is None else found
 
     def first_camera(self) -> Camera:
-        """The camera of the first picture: the recorded view that shows the middle best, or one
-        that frames the bulk."""
-        if self.recorded:
-            return best_of([each.camera for each in self.recorded], self.middle, self.up())
-        return framing_camera(self.scene)
+        """The camera of the first picture: the view that shows the middle best."""
+        return best_of([each.camera for each in self.viewpoints], self.middle, self.up())
 
     def up(self) -> torch.Tensor:
-        """The upward direction: that of the recorded cameras, or of the ground."""
-        if self.recorded:
-            return up_of([each.camera for each in self.recorded])
-        return guess_up(self.scene)
+        """The upward direction of the views."""
+        return up_of([each.camera for each in self.viewpoints])
 
 
 def read_checkpoint(file: Path, unedited: Gaussians | None) -> Loaded:
