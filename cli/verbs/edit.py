@@ -20,7 +20,7 @@ from ..core.outputs import check_folder
 from ..core.progress import progress, result_of
 from ..options.cameras import ViewOptions, resolve_cameras
 from ..options.common import Reads, Scene, load_features, load_scene
-from ..options.editing import (
+from ..options.editors import (
     AUTO,
     OBJECTS,
     EditorOptions,

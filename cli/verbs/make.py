@@ -19,7 +19,7 @@ from ..core.exits import Interrupted
 from ..core.outputs import check_folder
 from ..options.cameras import ViewOptions
 from ..options.common import Folder
-from ..options.editing import EditorOptions, read_sentence
+from ..options.editors import EditorOptions, read_sentence
 from .capture import Source, capture_summary, run_capture, settings_from
 from .edit import EditCommand, EditOptions, Instruction, run_edit
 from .fit import FitOptions, Recipe, run_fit

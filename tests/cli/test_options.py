@@ -20,7 +20,7 @@ from gsedit_cli.core.command import (
     settings_of,
     with_values,
 )
-from gsedit_cli.options.editing import edit_settings, resolve
+from gsedit_cli.options.editors import edit_settings, resolve
 from gsedit_cli.verbs.fit import Recipe
 from typer.testing import CliRunner
 

@@ -1,4 +1,4 @@
-"""Options of `gsedit edit`, its sentence and its views."""
+"""Options of what a sentence, its editor and its views are, of `gsedit edit` and `gsedit make`."""
 
 from __future__ import annotations
 
