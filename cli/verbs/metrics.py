@@ -183,6 +183,9 @@ def gather(
         unedited = load_scene(against.unedited, drop_invalid=drop_invalid or against.drop_invalid)
     known, after = regions_of(against, own.region, unedited, scene)
     views, targets, masks = place_views(path, scene, against, unedited, own)
+    given = {} if drawn is None else read_masks(drawn, views.viewpoints, others=True)
+    if drawn is not None and (left := len(list(drawn.glob("*.png"))) - len(given)) > 0:
+        print_message(f"{left} masks in {drawn} are of no view that is measured: left aside")
     return EvaluationInput(
         scene,
         views,
@@ -193,7 +196,7 @@ def gather(
         unedited=unedited,
         region=known,
         region_is=REGION_IS if own.region is None else "the region that was given",
-        subject_masks={} if drawn is None else read_masks(drawn, views.viewpoints, others=True),
+        subject_masks=given,
         matcher=match_pictures,
         edited_region=after,
         masks=masks,

@@ -17,7 +17,7 @@ from gsedit.app.looking import best_of
 from gsedit.errors import GseditError
 from gsedit.formats.scenes import read_scene
 from gsedit.scene.cache import SceneCache
-from gsedit.scene.framing import Bounds, bounds
+from gsedit.scene.framing import Bounds, bounds, framing_camera, guess_up
 from gsedit.scene.merging import MergedScene, coarsen
 from gsedit.views.around import FOUND_VIEWS, find_viewpoints
 from gsedit.views.cameras_json import cameras_file, recorded_viewpoints
@@ -113,6 +113,8 @@ class Loaded:
     numerics: Numerics
     notes: tuple[str, ...]
     draft_gaussians: int = DRAFT_GAUSSIANS
+    whole: bool = True
+    """Whether it is no checkpoint, whose views are not worth a search."""
 
     @cached_property
     def bulk(self) -> Bounds:
@@ -177,15 +179,20 @@ class Loaded:
     @cached_property
     def middle(self) -> torch.Tensor:
         """The place that the views look at, or the middle of the bulk; float64."""
-        found = common_point([each.camera for each in self.viewpoints])
+        views = self.viewpoints if self.whole else self.recorded
+        found = common_point([each.camera for each in views]) if views else None
         return torch.tensor(self.bulk.center, dtype=torch.float64) if found is None else found
 
     def first_camera(self) -> Camera:
         """The camera of the first picture: the view that shows the middle best."""
+        if not (self.whole or self.recorded):
+            return framing_camera(self.scene)
         return best_of([each.camera for each in self.viewpoints], self.middle, self.up())
 
     def up(self) -> torch.Tensor:
         """The upward direction of the views."""
+        if not (self.whole or self.recorded):
+            return guess_up(self.scene)
         return up_of([each.camera for each in self.viewpoints])
 
 
@@ -199,7 +206,7 @@ def read_checkpoint(file: Path, unedited: Gaussians | None) -> Loaded:
     with restoring(state):
         start = unedited if "scene" in state.record.get("source", {}) else None
         scene = optimized_scene(state.within("optimizer"), start)
-    return Loaded(file, scene.detach(), DEFAULT, ())
+    return Loaded(file, scene.detach(), DEFAULT, (), whole=False)
 
 
 def read(file: Path) -> Loaded:

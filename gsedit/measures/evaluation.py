@@ -78,7 +78,7 @@ def evaluate(
     `only`: names of METRICS; these alone are measured, and no reasons are given for others.
     """
     rows = [METRICS[name] for name in only] or [*METRICS.values()]
-    rows = [row for row in rows if not (subject.quick and row.function in SLOW)]
+    rows = [row for row in rows if only or not (subject.quick and row.function in SLOW)]
     at = {row.name: _views_of(row, subject) for row in rows}
     chosen = sorted({i for views in at.values() for i in views})
     shown: dict[int, Shown] = {}

@@ -134,8 +134,8 @@ CODECS = ("libx264", "libopenh264", "mpeg4")
 """Encoders, the best first: not every build of FFmpeg has every one."""
 MOST_FPS_GIF = 50
 """A GIF counts in hundredths of a second, and browsers slow down frames of less than two."""
-QUALITY = 80
-"""WebP's quality: 0, the smallest file, to 100."""
+QUALITY, WEBP_SIDE = 80, 16_383
+"""A WebP's quality, 0, the smallest file, to 100; and the most pixels that a side can have."""
 
 
 def check_format(path: Path, fps: float) -> None:
@@ -198,17 +198,22 @@ def write_loop(
     dithered, and is about four times as large.
 
     A GIF's times are in hundredths of a second: single frames may be shown 5 ms too long or too
-    short, all of them together are not. Raises UsageError for no frames, more than 50 a second in
-    a GIF, and as `atomic_path` does.
+    short, all of them together are not. All frames are in memory. Raises UsageError for no frames,
+    another suffix, a WebP beyond 16,383 pixels, more than 50 a second in a GIF, and as
+    `atomic_path` does.
     """
     path = Path(path)
     check_format(path, fps)
     gif = path.suffix.lower() == ".gif"
+    if not gif and path.suffix.lower() != ".webp":
+        raise UsageError(f"{path}: name a .webp or a .gif")
     first, *pictures = (_indexed(f) if gif else Image.fromarray(f) for f in _first(frames)[1])
     step = 10 if gif else 1
     ends = [step * round(1000 / step * i / fps) for i in range(len(pictures) + 2)]
     times = [end - start for start, end in pairwise(ends)]
     kind = {"format": "GIF", "optimize": False} if gif else {"format": "WEBP", "quality": QUALITY}
+    if not gif and max(first.size) > WEBP_SIDE:
+        raise UsageError(f"a WebP has at most {WEBP_SIDE} pixels a side: write an .mp4 or a .gif")
     with atomic_path(path, overwrite=overwrite) as temporary:
         first.save(temporary, save_all=True, append_images=pictures, duration=times, loop=0, **kind)
 

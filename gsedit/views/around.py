@@ -215,8 +215,10 @@ class Ring:
     """A circle from which a subject and what is around it look as if they were captured."""
 
     middle: Vector
+    """What its cameras look at, in world units: a little above the densest part."""
     up: Vector
     radius: float
+    """World units."""
 
     def seen(self, scene: Gaussians, direction: Vector, distance: float = 1.0) -> ScoredView:
         """The view of the middle from a unit direction, at a distance in radii."""
@@ -265,7 +267,7 @@ def _on_ring(scene: Gaussians, ring: Ring, count: int) -> list[Camera]:
     east, chosen = perpendicular(ring.up), []
     for i in range(count):
         higher = 2 * i >= count
-        turn = partial(towards, ring.up, east, tau * (2 * i + higher) / count)
+        turn = partial(towards, ring.up, east, tau * (2 * i + (higher and count % 2 == 0)) / count)
         judged = [ring.seen(scene, turn(radians(e)), away) for e, away in STEPS[higher:]]
         best = max(view.clear for view in judged)
         chosen.append(next(view.camera for view in judged if view.clear >= best - AS_CLEAR))

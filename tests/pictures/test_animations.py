@@ -77,4 +77,4 @@ def test_an_interrupted_animation_leaves_nothing(name, tmp_path):
     with pytest.raises(UsageError, match="already exists"):
         write(iter(frames(2)), tmp_path / name, 10.0)
     with pytest.raises(UsageError, match="no frames"):
-        write([], tmp_path / "none", 10.0)
+        write([], tmp_path / f"none_{name}", 10.0)

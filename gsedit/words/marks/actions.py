@@ -40,7 +40,9 @@ AROUND = re.compile(
 )
 """Words of a turn by half a circle."""
 CLOCKWISE = re.compile(
-    r"\b(counter|anti|contra)?[ -]?clock ?wise\b|\bway (?:the |a )?clocks? (?:go|turn|run)",
+    r"\b(counter|anti|contra)?[ -]?clock ?wise\b|"
+    r"(\b(?:against|opposite|other|reverse|not)(?: to)?(?: the)? )?"
+    r"way (?:the |a )?clocks? (?:go|turn|run)",
     re.IGNORECASE,
 )
 """The way of a turn, and what turns it around."""
@@ -92,7 +94,8 @@ def _factor(asked: Asked, text: str) -> float | None:
     number, sign, said = number_of(scanned(asked.amount)), asked.sign or 1, asked.amount
     if number is None or number < 0:
         return None
-    remains = said.startswith(("to ", "at ")) or asked.after.lower() in ("of", "as", "the", "its")
+    remains = said.startswith(("to ", "at ")) and asked.after.lower() not in ("less", "off")
+    remains = remains or asked.after.lower() in ("of", "as", "the", "its")
     if ratio := re.search(r"(\d+) ?: ?([1-9]\d*)", said):
         return float(ratio[1]) / float(ratio[2])
     if "%" in said or "percent" in said or "per cent" in said:
@@ -129,7 +132,8 @@ def _turn(asked: Asked, text: str, phrase: str) -> tuple[float, None]:
         degrees = 180.0 if not asked.sign or AROUND.search(text) else 90.0
     if not degrees % 360:
         raise Refused("nonsense")
-    ways = {not way for way in CLOCKWISE.findall(text) if not re.search(r" (?:left|right)\b", text)}
+    ways = {each.lastindex is None for each in CLOCKWISE.finditer(text)}
+    ways = set() if re.search(r" (?:left|right)\b", text) else ways
     sign = -1 if ways == {True} or (ways != {False} and asked.sign < 0) else 1
     return round(sign * (degrees % 360) / 360, 6), None
 

@@ -78,7 +78,7 @@ TELLS = re.compile(
 QUALITIES = ("color", "material", "light", "look", "style", "growth", "finish")
 """Kinds of words that say what something becomes."""
 VAGUE = re.compile(
-    rf"{LED}(?:clean|tidy|declutter|bring|restore|throw)\b(?!.*\b(?:off|away|from)\b)",
+    rf"{LED}(?:clean|tidy|declutter|bring|restore|throw)\b(?!.*\b(?:off|out|away|from)\b)",
     re.IGNORECASE,
 )
 """A sentence that may mean that something goes, and may not."""

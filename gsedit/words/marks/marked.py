@@ -95,7 +95,7 @@ def _spelled(found: re.Match[str]) -> str:
     right = (known() | STAYING).intersection(near)
     if right and DETERMINERS.intersection(found.string[: found.start()].lower().split()[-1:]):
         after = scanned(found.string[found.end() :])[:1]
-        if not after or after[0].color or after[0].kind in AFTER_THING:
+        if after and (after[0].color or after[0].kind in AFTER_THING):
             right = right - known("material") - colors.colors().keys()
     return min(right, key=lambda each: (numbers.get(each, len(numbers)), each), default=word)
 

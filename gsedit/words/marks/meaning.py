@@ -28,6 +28,8 @@ SCALES = {"": 1.0, "little": SLIGHT, "much": STRONG}
 """Shares of a tone's usual amount."""
 PAINTED = re.compile(r"\b(?:paint|painted|dye|dyed|colou?r|coat of)\b", re.IGNORECASE)
 """Words that make a paint of what is a material too: "paint it gold"."""
+MIXED = re.compile(r"\b(?:mix|mixed|mixture|blend|blended|cross)\b", re.IGNORECASE)
+"""Words that make one look of two."""
 INSIDE = re.compile(r"\w (?:in|from) the (?:background|surroundings?|scenery)$")
 """Phrases of things that are in the background, not of the background."""
 FROM_SIDE = re.compile(r" from (?:the )?(?:left|right|front|behind|above|below)(?: side)?$")
@@ -42,7 +44,11 @@ LONG = re.compile(
     re.IGNORECASE | re.DOTALL,
 )
 """Shadows of a low sun."""
-SHORT = re.compile(r"(?<!no )\bshort(?:er|en)?(?: \w+){0,2} shadow|\bshadows? (?:\w+ )?short", re.I)
+SHORT = re.compile(
+    r"^(?!.*(?:\b(?:too|less|not?|never|long|longer|lengthen)\b|n't\b))"
+    r".*(?:\bshort(?:er|en)?(?: \w+){0,2} shadow|\bshadows? (?:\w+ )?short)",
+    re.IGNORECASE | re.DOTALL,
+)
 """Shadows of a high sun."""
 LIT = re.compile(r"\b(?:only|just|alone|solely)\b", re.IGNORECASE)
 """Words that make of a light on a thing a light on that thing alone."""
@@ -63,7 +69,8 @@ def changes_of(said: Marked, files: Sequence[str] = ()) -> list[Change]:
             change = _placed(change, asked, said.text, last)
         found.append(change)
         if change.route == "style":
-            others = (each for each in values.mixed(asked.name) if each != change.name)
+            words = said.text if MIXED.search(said.text) else asked.name
+            others = (each for each in values.mixed(words) if each != change.name)
             found += [replace(change, name=each) for each in others]
         if change.target == "subject" and change.phrase not in ("", IT):
             last = change.phrase
@@ -100,7 +107,7 @@ def _refuse_two(changes: Sequence[Change]) -> None:
 def _sun(asked: Asked, said: Marked) -> Change | None:
     """The light that the length of shadows asks for; None where one is named beside it."""
     text, toned = said.text, (asked.deed, asked.tone) == ("tone", "shadows")
-    if toned and SHORT.search(text):
+    if toned and SHORT.search(text) and len(said.asked) == 1:
         return values.light("noon")
     if not (toned or asked.deed in ("light", "other")) or not LONG.search(text):
         return None
