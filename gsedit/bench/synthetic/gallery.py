@@ -71,7 +71,13 @@ def demo_solids() -> tuple[tuple[Sdf, Paint], ...]:
             union(mirror(sphere(0.042, (0.115, -0.285, 0.49))), sphere(0.05, (0, -0.395, 0.39))),
             plain((0.07, 0.06, 0.07)),  # eyes and nose
         ),
-        (_scarf(), cloth),
+        (
+            union(
+                translate(rotate(torus(0.225, 0.075), (1, 0, 0), 8.0), (0, -0.01, 0.125)),
+                capsule((0.1, -0.28, 0.08), (0.16, -0.4, -0.2), 0.055),
+            ),
+            cloth,  # a scarf
+        ),
         (
             translate(cylinder(0.68, 0.09, rounding=0.03), (0, -0.05, -0.74)),  # the plinth
             mix(plain((0.55, 0.6, 0.66)), plain((0.82, 0.84, 0.86)), waves(0.35)),
@@ -113,13 +119,6 @@ def _cream() -> Sdf:
         sphere(0.3, (0, -0.13, -0.24)),
         mirror(sphere(0.075, (0.245, -0.045, 0.69))),
         mirror(sphere(0.115, (0.32, -0.575, -0.495))),
-    )
-
-
-def _scarf() -> Sdf:
-    return union(
-        translate(rotate(torus(0.225, 0.075), (1, 0, 0), 8.0), (0, -0.01, 0.125)),
-        capsule((0.1, -0.28, 0.08), (0.16, -0.4, -0.2), 0.055),
     )
 
 

@@ -142,8 +142,9 @@ AROUND = 0.06
 SOLID = 0.9
 """Share of the fullest pixel that a part fills from which its color is told there: all of it may be
 seen through haze."""
-FINE, STEEPER = (0.15, 1.2), 1.5
-"""Least and largest ratio to what is around, and the power of it: Gaussians blur it again."""
+FINE, STEEPER, QUIET = (0.15, 1.2), 1.5, 0.15
+"""Least and largest ratio to what is around, its power (Gaussians blur it again), and its logarithm
+that polish takes from discs: grain goes, joints stay."""
 BESIDE = 3
 """Discs whose mean color a Gaussian in their place gets."""
 AGREED, SHARP = 0.75, 1.2
@@ -424,7 +425,7 @@ def _laid(
     discs: tuple[Gaussians, Int[Tensor, " d"]],
     over: Int[Tensor, "p j"],
 ) -> Laid:
-    """What is kept of a scene and discs, with the rows that they come from."""
+    """A scene's kept Gaussians and the discs on them, with the rows that they come from."""
     (fresh, origin), ones = discs, torch.ones(len(discs[0]), dtype=torch.bool)
     origin = torch.cat((kept.nonzero().squeeze(-1), origin))
     made = concatenate(scene[kept], fresh)
@@ -434,8 +435,7 @@ def _laid(
 def ragged_at(
     scene: Gaussians, laid: Laid, normals: Float[Tensor, "m 3"], few: Few, cell: float
 ) -> Bool[Tensor, " m"]:
-    """Where a part shows more than discs: petals, claws and rims, whose normals turn at once, if
-    its Gaussians are fine there; and where no disc is."""
+    """Whether a part of fine Gaussians turns too fast for discs, as petals do, or has none there."""
     wide = scene.log_scales[laid.origin[laid.inside]].sort(-1).values[:, 1:].mean(-1, keepdim=True)
     near = neighbor_means(torch.cat((normals, wide.exp()), 1)[few.rows], few.near, ROUNDS)
     agreed, wide = few.spread(near[:, :3].norm(dim=1)), few.spread(near[:, 3])
@@ -467,7 +467,8 @@ def seen_detail(
         maps.append(torch.from_numpy(np.log(ratio) * stone).float())
     found = lift(scene, some, maps).mean[inside]
     if laid.count:
-        found = torch.cat((found, lift(laid.scene, some, maps).mean[-laid.count :]))
+        there = lift(laid.scene, some, maps).mean[-laid.count :]
+        found = torch.cat((found, (there + QUIET).clamp(max=0)))
     return (STEEPER / GAMMA * found).exp()
 
 
