@@ -76,7 +76,7 @@ def test_a_metal_has_highlights_and_dark_edges(ball):
 def test_a_thin_spike_on_a_ball_keeps_its_gaussians_and_the_ball_gets_discs(ball):
     scene, _ = ball
     spike = scene.means[:60] * 0.02 + torch.linspace(0.5, 1.1, 60)[:, None] * UP
-    small = replace(scene[:60], means=spike, log_scales=scene.log_scales[:60] - 1.2)
+    small = replace(scene[:60], means=spike, log_scales=scene.log_scales[:60] - 1.8)
     both = concatenate(scene, small)
     made = in_material(both, torch.ones(len(both), dtype=torch.bool), MATERIALS["gold"])
     kept = (made.scene.means[:, None] == spike).all(-1).any(0)

@@ -142,7 +142,7 @@ AROUND = 0.06
 SOLID = 0.9
 """Share of the fullest pixel that a part fills from which its color is told there: all of it may be
 seen through haze."""
-FINE, STEEPER, QUIET = (0.15, 1.2), 1.5, 0.15
+FINE, STEEPER, QUIET = (0.15, 1.2), 2.0, 0.1
 """Least and largest ratio to what is around, its power (Gaussians blur it again), and its logarithm
 that polish takes from discs: grain goes, joints stay."""
 BESIDE = 3
@@ -435,7 +435,7 @@ def _laid(
 def ragged_at(
     scene: Gaussians, laid: Laid, normals: Float[Tensor, "m 3"], few: Few, cell: float
 ) -> Bool[Tensor, " m"]:
-    """Whether a part of fine Gaussians turns too fast for discs, as petals do, or has none there."""
+    """Whether a part of fine Gaussians turns too fast for discs, as petals do, or has none."""
     wide = scene.log_scales[laid.origin[laid.inside]].sort(-1).values[:, 1:].mean(-1, keepdim=True)
     near = neighbor_means(torch.cat((normals, wide.exp()), 1)[few.rows], few.near, ROUNDS)
     agreed, wide = few.spread(near[:, :3].norm(dim=1)), few.spread(near[:, 3])
