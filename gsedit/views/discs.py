@@ -97,8 +97,9 @@ def discs_on(part: Gaussians, cameras: Sequence[Camera] = ()) -> Discs | None:
     if not len(points):
         return None
     sizes = torch.tensor((WIDTH, WIDTH, THICKNESS)) * cell
-    near = k_nearest(part.means.numpy(), points.numpy(), min(BESIDE, len(part)))[1]
-    near = torch.from_numpy(near)
+    near = torch.from_numpy(
+        k_nearest(part.means.numpy(), points.numpy(), min(BESIDE, len(part)))[1]
+    )
     discs = Gaussians(
         points,
         torch.from_numpy(turned_to(normals.numpy())).to(points),

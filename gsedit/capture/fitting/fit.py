@@ -197,14 +197,7 @@ def _fit_steps(
     # it runs from here on: the start from the photos is part of it
     budget = Budget(settings.steps, settings.seconds, clock=clock, **done)
     if start is None:
-        start = initial_scene(
-            dataset,
-            settings.sh_degree,
-            generator,
-            swept=settings.dense_start,
-            at_most=settings.max_gaussians,
-            out_of_time=lambda: budget.seconds > SWEEP_SHARE * (settings.seconds or inf),
-        )
+        start = _start(dataset, settings, generator, budget)
     extent = _camera_extent(dataset.views)
     work = _Fit(start, train, held_out, extent, settings, generator, asked, budget)
     del start  # the optimizer has copies
@@ -430,6 +423,20 @@ class _Fit:
         budget = self.budget
         place = (stage, budget.seconds, budget.step, budget.steps)
         return Event(*place, self.loss, error, note, self._seconds_left)
+
+
+def _start(
+    dataset: Dataset, settings: FitSettings, generator: torch.Generator, budget: Budget,
+) -> Gaussians:  # fmt: skip
+    """Start of a fit that is given no scene."""
+    return initial_scene(
+        dataset,
+        settings.sh_degree,
+        generator,
+        swept=settings.dense_start,
+        at_most=settings.max_gaussians,
+        out_of_time=lambda: budget.seconds > SWEEP_SHARE * (settings.seconds or inf),
+    )
 
 
 def check_sizes(views: Sequence[View], settings: FitSettings) -> None:

@@ -336,8 +336,7 @@ def study(
     if eyes is not None:
         around = balanced(light_at(scene, eyes, NEAR_EYES * radius, up, cameras=cameras))
         light = lighting(around, None if matte else around)
-        every = torch.zeros(len(part), dtype=torch.long)
-        skin = Skin(part.means, directions, torch.ones(1, RAYS), every)
+        skin = Skin(part.means, directions, torch.ones(1, RAYS), torch.zeros(len(part)).long())
         old = color @ torch.from_numpy(LUMINANCE).to(color)
         level = (old / USUAL_ALBEDO).clamp(*LEVELS)[:, None, None].expand(-1, 2, 3)
         return Studied(laid, fine, ragged, few, light, skin, ground, level, looked, sure, ())
@@ -347,7 +346,9 @@ def study(
     weight = visible_area(some) if weights is None or discs is not None else weights[inside]
     around = find_surroundings(scene, inside, up, cameras=cameras)
     light, notes = _light(around, up, color[few.rows], bare.share, weight, matte)
-    sides = torch.cat([arriving(light, bare[rows]) for rows in _parts(len(some))])
+    sides = torch.cat(
+        [arriving(light, bare[rows]) for rows in torch.arange(len(some)).split(AT_ONCE)]
+    )
     skin = Skin(part.means, directions, few.spread(open_), torch.arange(len(part)))
     return Studied(
         laid, fine, ragged, few, light, skin, ground, few.spread(sides), looked, sure, notes
@@ -517,8 +518,7 @@ def colors_of(
     own = studied.sides[:, 0] * surface.color
     directions, looked = ray_directions()[::every].to(diffuse), studied.looked[:, ::every]
     found = [diffuse.new_zeros(0, (degree + 1) ** 2, 3)]
-    for start in range(0, len(only), AT_ONCE):
-        rows = only[start : start + AT_ONCE]
+    for rows in only.split(AT_ONCE):
         some, here = skin[rows], surface[rows]
         seen = (some.normals @ directions.T + BEHIND).clamp(0, 0.5)
         weights = seen * looked[studied.few.over[rows, 0]]
@@ -559,12 +559,8 @@ def looked_from(points: Float[Tensor, "k 3"], cameras: Sequence[Camera]) -> Floa
         return points.new_ones(len(points), len(directions))
     some = [cameras[i].center for i in evenly_spaced(len(cameras), CAMERAS)]
     eyes, found = torch.stack(some).to(points), [points.new_zeros(0, len(directions))]
-    for rows in _parts(len(points)):
+    for rows in torch.arange(len(points)).split(AT_ONCE):
         to_cameras = torch.nn.functional.normalize(eyes - points[rows, None], dim=-1)
         near = torch.exp(SHARPNESS * (to_cameras @ directions.T - 1)).mean(1)
         found.append(near / near.mean(1, keepdim=True) + AROUND_WEIGHT)
     return torch.cat(found)
-
-
-def _parts(count: int) -> list[slice]:
-    return [slice(start, start + AT_ONCE) for start in range(0, count, AT_ONCE)]
