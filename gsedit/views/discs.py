@@ -97,9 +97,8 @@ def discs_on(part: Gaussians, cameras: Sequence[Camera] = ()) -> Discs | None:
     if not len(points):
         return None
     sizes = torch.tensor((WIDTH, WIDTH, THICKNESS)) * cell
-    near = torch.from_numpy(
-        k_nearest(part.means.numpy(), points.numpy(), min(BESIDE, len(part)))[1]
-    )
+    near = k_nearest(part.means.numpy(), points.numpy(), min(BESIDE, len(part)))[1]
+    near = torch.from_numpy(near)
     discs = Gaussians(
         points,
         torch.from_numpy(turned_to(normals.numpy())).to(points),

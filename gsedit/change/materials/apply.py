@@ -140,16 +140,14 @@ DETAIL_VIEWS, DETAIL_PIXELS = 16, 512
 AROUND = 0.06
 """Standard deviation of what counts as around, in radii of the part."""
 SOLID = 0.9
-"""Share of the fullest pixel that a part fills from which its color is told there: all of it may be
-seen through haze."""
+"""Share of its fullest pixel from which a part's color is told there: haze may veil it all."""
 FINE, STEEPER, QUIET = (0.15, 1.2), 2.0, 0.1
 """Least and largest ratio to what is around, its power (Gaussians blur it again), and its logarithm
 that polish takes from discs: grain goes, joints stay."""
 BESIDE = 3
 """Discs whose mean color a Gaussian in their place gets."""
 AGREED, SHARP = 0.75, 1.2
-"""Length of the mean normal below which discs melt what is thin or ragged, and largest mean size of
-a part's Gaussians, in cells, that shows it better."""
+"""Length of the mean normal below which discs melt a part, if its Gaussians have fewer cells."""
 RIDGE = (0.0, 1e-3, 2e-3, 4e-3)
 """Penalty of the squared coefficients of each degree, against the squared error of colors."""
 
@@ -346,9 +344,8 @@ def study(
     weight = visible_area(some) if weights is None or discs is not None else weights[inside]
     around = find_surroundings(scene, inside, up, cameras=cameras)
     light, notes = _light(around, up, color[few.rows], bare.share, weight, matte)
-    sides = torch.cat(
-        [arriving(light, bare[rows]) for rows in torch.arange(len(some)).split(AT_ONCE)]
-    )
+    chunks = torch.arange(len(some)).split(AT_ONCE)
+    sides = torch.cat([arriving(light, bare[rows]) for rows in chunks])
     skin = Skin(part.means, directions, few.spread(open_), torch.arange(len(part)))
     return Studied(
         laid, fine, ragged, few, light, skin, ground, few.spread(sides), looked, sure, notes
