@@ -313,7 +313,18 @@ def rasterization(
     # features, which may be larger than all else, live for one image at a time
     each = zip(clouds, requests, images, images_of(means2d, 2))
     pictures, sizes = zip(*(_picture(*one, color=color) for one in each))
-    meta = _meta(images, means2d, (width, height), sizes[0])
+    meta = Meta(
+        gaussian_ids=None,
+        radii=partial(_radii, images, means2d, (width, height)),
+        means2d=means2d,
+        width=width,
+        height=height,
+        n_batches=means2d.shape[:-3].numel(),
+        n_cameras=means2d.shape[-3],
+        tile_size=sizes[0],
+        tile_width=-(-width // sizes[0]),
+        tile_height=-(-height // sizes[0]),
+    )
     picture, alphas = _composed(pictures, render_mode, backgrounds)
     return picture.unflatten(0, leading), alphas.unflatten(0, leading), meta
 
@@ -327,34 +338,13 @@ def _template(width: int, height: int, model: str) -> Camera:
 
 
 class Meta(UserDict[str, Any]):
-    """A dictionary; a value that takes time is computed when it is first read."""
+    """The numbers that gsplat's strategies read; one that takes time is computed when read."""
 
     def __getitem__(self, name: str) -> Any:
         value = super().__getitem__(name)
         if callable(value):
             value = self.data[name] = value()
         return value
-
-
-def _meta(
-    images: list[Prepared | Splats],
-    means2d: Float[Tensor, "*batch C N 2"],
-    size: tuple[int, int],
-    tile: int,
-) -> Meta:
-    """The numbers about the Gaussians that gsplat's strategies read, for all rows."""
-    return Meta(
-        gaussian_ids=None,
-        radii=partial(_radii, images, means2d, size),
-        means2d=means2d,
-        width=size[0],
-        height=size[1],
-        n_batches=means2d.shape[:-3].numel(),
-        n_cameras=means2d.shape[-3],
-        tile_size=tile,
-        tile_width=-(-size[0] // tile),
-        tile_height=-(-size[1] // tile),
-    )
 
 
 @torch.no_grad()

@@ -21,7 +21,6 @@ from gsedit.views.dataset import evenly_spaced
 from gsedit.views.depth import SeenSurface, seen_surface
 from gsedit.views.normals import all_around, visible_area
 from rasterizer.camera import Camera
-from rasterizer.numerics import SH_DC
 from rasterizer.scene import Gaussians
 
 Vectors = Float[Tensor, "d 3"]
@@ -44,8 +43,8 @@ BAND = 5
 """Cells, across, around what a view sees in which distances are told."""
 CLEAR = 0.1
 """Opacity below which a pixel tells that its ray meets nothing."""
-STRAIGHT = 6
-"""Power of the cosine to a view by which its colors count: slanted looks are smeared."""
+BESIDE = 8
+"""Gaussians of the part, the nearest, whose mean color a disc has."""
 LEAST_VIEWS = 2
 """Views that a cell needs."""
 WIDTH, THICKNESS = 0.62, 0.1
@@ -64,7 +63,7 @@ class Discs:
     """A layer of discs on a part."""
 
     scene: Gaussians
-    """The discs, SH of degree 0: the mean colors that views see."""
+    """The discs, SH of degree 0: the mean colors of what they lie on."""
     normals: Vectors
     """Unit normals of the discs, outwards."""
     origin: Int[Tensor, " d"]
@@ -98,17 +97,17 @@ def discs_on(part: Gaussians, cameras: Sequence[Camera] = ()) -> Discs | None:
     if not len(points):
         return None
     sizes = torch.tensor((WIDTH, WIDTH, THICKNESS)) * cell
-    color = _colors(seen, points, normals, cell)
+    near = k_nearest(part.means.numpy(), points.numpy(), min(BESIDE, len(part)))[1]
+    near = torch.from_numpy(near)
     discs = Gaussians(
         points,
         torch.from_numpy(turned_to(normals.numpy())).to(points),
         sizes.log().expand(len(points), 3).to(points).contiguous(),
         points.new_full((len(points),), LOGIT),
-        ((color - 0.5) / SH_DC)[:, None],
+        part.sh[near, :1].mean(1),
     )
-    _, origin = k_nearest(part.means.numpy(), points.numpy(), 1)
     covered = _covered(part.means, points, normals, cell)
-    return Discs(discs, normals, torch.from_numpy(origin[:, 0]), covered, cell)
+    return Discs(discs, normals, near[:, 0], covered, cell)
 
 
 def _in_cells(camera: Camera, part: Gaussians, cell: float) -> Camera:
@@ -188,20 +187,6 @@ def _zero(values: Float[Tensor, "x y z"], known: Bool[Tensor, "x y z"]) -> tuple
         points.append(at)
         normals.append(torch.lerp(slope[before][cut], slope[after][cut], share[:, None]))
     return torch.cat(points), torch.nn.functional.normalize(torch.cat(normals), dim=-1)
-
-
-def _colors(seen: Sequence[SeenSurface], points: Vectors, normals: Vectors, cell: float) -> Vectors:
-    """Mean colors of points over the views that see them, the straightest most; 0.5 elsewhere."""
-    total, weight = torch.full_like(points, 0.5e-6), points.new_full((len(points), 1), 1e-6)
-    for view in seen:
-        inside, pixels, z = _pixels(view, points)
-        away = torch.nn.functional.normalize(view.camera.center.to(points) - points, dim=-1)
-        straight = (normals * away).sum(-1).clamp_min(0) ** STRAIGHT
-        sees = inside & ((view.depth.to(points)[pixels] - z).abs() < ABOVE * cell)
-        strength = (straight * sees)[:, None]
-        total += strength * view.color[pixels] / view.alpha[pixels].clamp_min(0.5)[:, None]
-        weight += strength
-    return (total / weight).clamp(0, 1)
 
 
 def _covered(

@@ -15,6 +15,7 @@ from gsedit.views.discs import discs_on
 from gsedit.views.surroundings import DARKEST, contrasted, studio
 from rasterizer.numerics import color_to_sh
 from rasterizer.render import render
+from rasterizer.scene import concatenate
 
 UP = torch.tensor((0.0, 0.0, 1.0))
 CAMERAS = [*ring(5, 2.0, 0.0), *ring(5, -1.5, 0.0)]
@@ -70,6 +71,17 @@ def test_a_metal_has_highlights_and_dark_edges(ball):
     low, high = lit.quantile(torch.tensor((0.1, 0.97)))
     assert float(high) > 2.5 * float(lit.mean())
     assert float(low) < 0.4 * float(lit.mean())
+
+
+def test_a_thin_spike_on_a_ball_keeps_its_gaussians_and_the_ball_gets_discs(ball):
+    scene, _ = ball
+    spike = scene.means[:60] * 0.02 + torch.linspace(0.5, 1.1, 60)[:, None] * UP
+    small = replace(scene[:60], means=spike, log_scales=scene.log_scales[:60] - 1.8)
+    both = concatenate(scene, small)
+    made = in_material(both, torch.ones(len(both), dtype=torch.bool), MATERIALS["gold"])
+    kept = (made.scene.means[:, None] == spike).all(-1).any(0)
+    assert kept[20:].float().mean() > 0.9
+    assert torch.isin(made.scene.means[:, 0], scene.means[:, 0]).float().mean() < 0.1
 
 
 def test_glass_lets_what_is_behind_it_through(ball):

@@ -11,7 +11,7 @@ from changes import Known, changed_by, painted
 from plain_scenes import needles, same_bits
 
 from gsedit.bench.synthetic import ring_cameras
-from gsedit.change.materials.apply import Relief, displayed, engraved, in_material
+from gsedit.change.materials.apply import displayed, in_material
 from gsedit.change.materials.kinds import MATERIALS, Layer, Material, PatternName, material_of
 from gsedit.change.materials.shading import Ground, environment_brdf, grain, share_of
 from gsedit.errors import UsageError
@@ -19,7 +19,6 @@ from gsedit.scene.picture import render_picture
 from gsedit.scene.quaternions import even_directions
 from gsedit.scene.similarity import moved_camera
 from gsedit.toolkit.transform import scale, transform
-from gsedit.views.normals import rows_near
 from gsedit.words.read import read_instruction
 from rasterizer.numerics import SH_DC
 
@@ -166,19 +165,6 @@ def test_moss_clings_to_what_faces_up_and_the_old_surface_shows_below(ball):
     moved = (after.scene.sh - scene.sh[after.origin])[rows, 0].abs().mean(-1)
     height = after.scene.means[rows, 2] / lit.solid.radius
     assert float(moved[height > 0.6].mean()) > 2 * float(moved[height < -0.6].mean())
-
-
-def test_a_dark_line_on_flat_metal_turns_what_is_reflected():
-    points = torch.cartesian_prod(torch.arange(12.0), torch.arange(12.0), torch.zeros(1))
-    normals = torch.tensor((0.0, 0, 1)).expand(len(points), 3)
-    detail = torch.where((points[:, 0] - 5.5).abs() < 1, 0.5, 1.0)
-    relief = Relief(detail, torch.zeros(len(points)), detail[:, None].expand(-1, 3))
-    turned = engraved(points, normals, relief, rows_near(points))
-    at = (points[:, 1] > 3) & (points[:, 1] < 8)
-    left, right, far = (turned[at & (points[:, 0] == x), 0].mean() for x in (4, 7, 10))
-    assert left > 0.1
-    assert right < -0.1
-    assert abs(far) < 1e-5
 
 
 def test_needles_and_nothing_are_refused(ball):

@@ -67,15 +67,28 @@ def demo_solids() -> tuple[tuple[Sdf, Paint], ...]:
     painted = (
         (bear_fur(), mix(plain((0.62, 0.38, 0.18)), plain((0.86, 0.6, 0.34)), waves(0.22))),
         (_cream(), mix(plain((0.97, 0.87, 0.7)), plain((0.86, 0.72, 0.52)), waves(0.18))),
-        (_eyes_and_nose(), plain((0.07, 0.06, 0.07))),
-        (_scarf(), cloth),
+        (
+            union(mirror(sphere(0.042, (0.115, -0.285, 0.49))), sphere(0.05, (0, -0.395, 0.39))),
+            plain((0.07, 0.06, 0.07)),  # eyes and nose
+        ),
+        (
+            union(
+                translate(rotate(torus(0.225, 0.075), (1, 0, 0), 8.0), (0, -0.01, 0.125)),
+                capsule((0.1, -0.28, 0.08), (0.16, -0.4, -0.2), 0.055),
+            ),
+            cloth,  # a scarf
+        ),
         (
             translate(cylinder(0.68, 0.09, rounding=0.03), (0, -0.05, -0.74)),  # the plinth
             mix(plain((0.55, 0.6, 0.66)), plain((0.82, 0.84, 0.86)), waves(0.35)),
         ),
         (
             translate(cylinder(0.86, 0.04, rounding=0.02), (0, -0.05, -0.86)),  # the floor
-            mix(plain((0.92, 0.88, 0.8)), _slabs(), tiles(0.28, 0.02)),
+            mix(
+                plain((0.92, 0.88, 0.8)),
+                mix(plain((0.72, 0.4, 0.3)), plain((0.45, 0.55, 0.5)), checker(0.56)),  # terracotta
+                tiles(0.28, 0.02),
+            ),
         ),
     )
     return tuple((translate(part, RAISE), _shifted(coat, RAISE)) for part, coat in painted)
@@ -109,25 +122,9 @@ def _cream() -> Sdf:
     )
 
 
-def _eyes_and_nose() -> Sdf:
-    return union(mirror(sphere(0.042, (0.115, -0.285, 0.49))), sphere(0.05, (0, -0.395, 0.39)))
-
-
-def _scarf() -> Sdf:
-    return union(
-        translate(rotate(torus(0.225, 0.075), (1, 0, 0), 8.0), (0, -0.01, 0.125)),
-        capsule((0.1, -0.28, 0.08), (0.16, -0.4, -0.2), 0.055),
-    )
-
-
 def _shifted(coat: Paint, offset: Triple) -> Paint:
     """The paint of a solid, moved by `offset` with it."""
     return lambda points: coat(points - points.new_tensor(offset))
-
-
-def _slabs() -> Paint:
-    """Terracotta in two tones, chequered as the tiles are laid."""
-    return mix(plain((0.72, 0.4, 0.3)), plain((0.45, 0.55, 0.5)), checker(0.56))
 
 
 def painted_scene(

@@ -39,10 +39,20 @@ from gsedit.scene.color_space import LUMINANCE, linear_of_srgb, srgb_of_linear
 from gsedit.scene.framing import ends, guess_up
 from gsedit.scene.neighbors import k_nearest
 from gsedit.scene.outcome import Outcome
+from gsedit.scene.picture import render_picture
 from gsedit.scene.quaternions import turn_between
+from gsedit.select.region import lift
+from gsedit.toolkit.grade import GAMMA
 from gsedit.views.dataset import evenly_spaced
 from gsedit.views.discs import Discs, discs_on
-from gsedit.views.normals import estimate_normals, neighbor_means, rows_near, smoothed, visible_area
+from gsedit.views.normals import (
+    all_around,
+    estimate_normals,
+    neighbor_means,
+    rows_near,
+    smoothed,
+    visible_area,
+)
 from gsedit.views.paths import up_of
 from gsedit.views.shadows import past_body
 from gsedit.views.surroundings import (
@@ -58,45 +68,21 @@ from gsedit.views.surroundings import (
     with_studio,
 )
 from rasterizer.camera import Camera
+from rasterizer.color_weights import color_weights
 from rasterizer.harmonics import basis
 from rasterizer.numerics import SH_DC, sh_to_color
 from rasterizer.scene import Gaussians, concatenate
 
 ROUNDS = 12
 """Means over the nearest neighbors, one after the other: the surroundings of a Gaussian."""
-DETAIL = (0.4, 1.2)
-"""Least and largest ratio to the surroundings, in linear light, that counts as carving."""
 HUE = 0.12
 """Difference in the share of a channel at which a color is half paint."""
-FLAT = 0.5
-"""Share of darkness that stays where the surface is not hollow."""
 SPARSE = 6
 """Discs for one of which light that arrives is computed: it changes slowly."""
-DEEP = 0.5
-"""Ratio to the surroundings below which darkness counts as a hole: a mouth, an eye."""
-DEPTH = 3.0
-"""Slope of a carved line, against the change of the logarithm of light between neighbors."""
 SHADED = 0.5
 """Share that darkness counts as hollow: paint and the grain of wood are dark, too."""
 HOLLOW = 0.12
 """Mean sine at which neighbors stand above a surface that is fully hollow."""
-
-
-@dataclass(frozen=True, eq=False)
-class Relief:
-    """How a surface is carved."""
-
-    detail: Float[Tensor, " n"]
-    """Factor on the light, about 1 where nothing is carved."""
-    hollow: Float[Tensor, " n"]
-    """How hollow or carved it is there, in [0, 1]."""
-    color: Float[Tensor, "n 3"]
-    """Linear color of the surroundings of each Gaussian on the surface."""
-
-    @property
-    def luminance(self) -> Float[Tensor, " n"]:
-        """Linear luminance of that color."""
-        return self.color @ torch.from_numpy(LUMINANCE).to(self.color)
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,52 +117,37 @@ def few_of(part: Gaussians, discs: int, near: Int[Tensor, "n i"]) -> Few:
 
 
 def carved(
-    part: Gaussians, normals: Float[Tensor, "n 3"], rows: Int[Tensor, "n k"], few: Few
-) -> Relief:
-    """The relief of a subject's Gaussians; `rows` are those of the nearest to each."""
-    weights = torch.from_numpy(LUMINANCE).to(part.means)
+    part: Gaussians, normals: Float[Tensor, "m 3"], fine: Float[Tensor, " m"], few: Few
+) -> tuple[Float[Tensor, " m"], Float[Tensor, "m 3"]]:
+    """How hollow or carved a subject is at its Gaussians, in [0, 1], as these normals and detail
+    tell; and the linear color of the surroundings of each on the surface."""
     display = sh_to_color(part.sh[:, 0]).clamp(0, 1).double().numpy()
     linear = torch.from_numpy(linear_of_srgb(display)).to(part.means) + 1e-3
-    if not rows.shape[1]:
-        ones = part.means.new_ones(len(part))
-        return Relief(ones, torch.zeros_like(ones), linear)
+    if not few.near.shape[1]:
+        return part.means.new_zeros(len(part)), linear
     size = visible_area(part).clamp_min(1e-30)[:, None].to(linear)
     sized = torch.cat((linear, torch.ones_like(linear[:, :1])), 1) * size
     around = few.spread(neighbor_means(few.gathered(sized), few.near, ROUNDS))
-    around = around[:, :3] / around[:, 3:]
-    near = neighbor_means(linear, rows, 1)
-    ratio = (near @ weights) / (around @ weights)
-    hue = (near / near.sum(1, keepdim=True) - around / around.sum(1, keepdim=True)).abs().amax(1)
-    hue = hue * ratio.clamp(0, 1)  # what is black has no hue: it may be a crack
-    stone = 1 / (1 + (hue / HUE).square())
     points = part.means[few.rows]
     offset = torch.nn.functional.normalize(points[few.near] - points[:, None], dim=-1)
     rise = (offset * normals[few.rows, None]).sum(-1).mean(1)
-    hollow = few.spread(neighbor_means(rise, few.near, 2) / HOLLOW).clamp(0, 1)
-    deep = ((DEEP - ratio) / (DEEP - DETAIL[0])).clamp(0, 1)
-    kept = stone * (FLAT + (1 - FLAT) * torch.maximum(hollow, deep))
-    detail = ratio.clamp(*DETAIL) ** kept
-    dark = ((1 - ratio) / (1 - DETAIL[0])).clamp(0, 1) * kept
-    return Relief(detail, torch.maximum(hollow, SHADED * dark).clamp(0, 1), around)
+    hollow = few.spread(neighbor_means(rise, few.near, 2) / HOLLOW)
+    return torch.maximum(hollow, SHADED * (1 - fine)).clamp(0, 1), around[:, :3] / around[:, 3:]
 
 
-def engraved(
-    points: Float[Tensor, "n 3"],
-    normals: Float[Tensor, "n 3"],
-    relief: Relief,
-    rows: Int[Tensor, "n k"],
-) -> Float[Tensor, "n 3"]:
-    """Unit normals as if what is dark lay deeper: carving that is finer than the normals show
-    turns reflections too."""
-    if not rows.shape[1]:
-        return normals
-    height = relief.detail.log()
-    offset = torch.nn.functional.normalize(points[rows] - points[:, None], dim=-1)
-    slope = ((height[rows] - height[:, None])[..., None] * offset).mean(1)
-    slope = slope - (slope * normals).sum(-1, keepdim=True) * normals
-    return torch.nn.functional.normalize(normals - DEPTH * slope, dim=-1)
-
-
+DETAIL_VIEWS, DETAIL_PIXELS = 16, 512
+"""Most views that detail is seen in, and their longer side."""
+AROUND = 0.06
+"""Standard deviation of what counts as around, in radii of the part."""
+SOLID = 0.9
+"""Share of its fullest pixel from which a part's color is told there: haze may veil it all."""
+FINE, STEEPER, QUIET = (0.15, 1.2), 2.0, 0.1
+"""Least and largest ratio to what is around, its power (Gaussians blur it again), and its logarithm
+that polish takes from discs: grain goes, joints stay."""
+BESIDE = 3
+"""Discs whose mean color a Gaussian in their place gets."""
+AGREED, SHARP = 0.75, 1.2
+"""Length of the mean normal below which discs melt a part, if its Gaussians have fewer cells."""
 RIDGE = (0.0, 1e-3, 2e-3, 4e-3)
 """Penalty of the squared coefficients of each degree, against the squared error of colors."""
 
@@ -235,6 +206,10 @@ class Studied:
     """Knowledge of a part of a scene that shading it in any material needs."""
 
     laid: Laid
+    fine: Float[Tensor, " q"]
+    """Factor on display colors of each Gaussian inside, then of each disc: what is finer."""
+    ragged: Bool[Tensor, " m"]
+    """Whether the part's own Gaussians show it better there than discs."""
     few: Few
     light: Lighting
     skin: Skin
@@ -276,27 +251,53 @@ def in_material(
             "the part's Gaussians show no surface that could reflect (they are needles or fog): "
             "clean the scene first with gsedit clean"
         )
-    laid = studied.laid
-    degree = 0 if material.is_matte else DEGREE
+    laid, fine = shown_by(scene, inside, studied, material)
+    degree, every = 0 if material.is_matte else DEGREE, 1
     sh = laid.scene.with_degree(max(scene.degree, degree)).sh
-    rows = laid.inside.nonzero().squeeze(-1)
-    only, every = torch.arange(len(rows)), 1
-    if shown is not None and not shown.all() and not material.is_matte:
+    rows, over = laid.inside.nonzero().squeeze(-1), laid.over
+    if shown is not None and not (shown.all() or material.is_matte):
         every = SHOWN_EVERY
-        if not material.transmission:  # through which what is hidden is seen
-            only = shown[laid.origin[rows]].nonzero().squeeze(-1)
-            rows = rows[only]
-    colored = colors_of(studied, material, degree, only, every)
-    bare = 1 - coverage(material.clings, studied.ground)[only]
+        some = torch.ones(len(rows)) > 0 if material.transmission else shown[laid.origin[rows]]
+        rows, over, fine = (each[some] for each in (rows, over, fine))
+    colored, bare = _worn(studied, material, degree, (over, fine), every)
     sh[rows] *= bare[:, None, None].to(sh)
     sh[rows, : colored.shape[1]] += ((1 - bare)[:, None, None] * colored).to(sh)
-    raised = sh.shape[1] > scene.sh.shape[1]
     told = [note for note in studied.notes if note != MIXED or not material.is_matte]
-    notes = (*told, *((RAISED.format(scene.degree),) if raised else ()))
+    told += [RAISED.format(scene.degree)] * (sh.shape[1] > scene.sh.shape[1])
     logits = laid.scene.logit_opacities.clone()
     logits[len(logits) - laid.count :] = float(torch.logit(torch.tensor(opacity_of(material))))
     made = replace(laid.scene, sh=sh, logit_opacities=logits)
-    return Outcome(made, laid.origin, laid.inside, notes)
+    return Outcome(made, laid.origin, laid.inside, tuple(told))
+
+
+def shown_by(
+    scene: Gaussians, inside: Bool[Tensor, " n"], studied: Studied, material: Material
+) -> tuple[Laid, Float[Tensor, " s"]]:
+    """The scene with what shows a part in a material, and the detail of it: discs, but the part's
+    own Gaussians where it is thin or ragged, if no light comes through."""
+    old, own = studied.laid, studied.ragged.clone()
+    fine = studied.fine if material.color else torch.ones_like(studied.fine)  # it is in its colors
+    first = len(own) - old.count
+    own[first:] &= material.transmission == 0
+    mine, true, kept = own[old.over].any(1), ~own[first:], torch.ones_like(inside)
+    kept[inside] = mine
+    discs = torch.arange(first, len(own))[true, None].expand(-1, old.over.shape[1])
+    start, over = len(old.scene) - old.count, torch.cat((old.over[mine], discs))
+    laid = _laid(scene, inside, kept, (old.scene[start:][true], old.origin[start:][true]), over)
+    return laid, fine[torch.cat((mine, true))]
+
+
+def _worn(
+    studied: Studied, material: Material, degree: int, at: tuple[Tensor, Tensor], every: int
+) -> tuple[Float[Tensor, "s k 3"], Float[Tensor, " s"]]:
+    """SH coefficients of Gaussians in a material, and how bare of it they are; `at`: `over` and
+    `fine` of `Studied`, theirs."""
+    (over, fine), ground = at, studied.ground
+    used, place = over.unique(return_inverse=True)
+    colored = colors_of(studied, material, degree, used, every)
+    colored = colored[place].mean(1) * fine[:, None, None]
+    colored[:, 0] += 0.5 * (fine[:, None] - 1) / SH_DC
+    return colored, 1 - coverage(material.clings, ground)[over].mean(1)
 
 
 @cached_per_scene
@@ -316,34 +317,39 @@ def study(
     discs = discs_on(scene[inside], cameras) if fresh and eyes is None else None
     laid = laid_on(scene, inside, discs)
     part = laid.scene[laid.inside]
+    fine = seen_detail(scene, inside, cameras, laid)
     near = rows_near(part.means)
     few = few_of(part, laid.count, near)
     directions, confidence = _normals(scene, inside, cameras, discs, near)
+    ragged = ragged_at(scene, laid, directions, few, discs.cell if discs else 0.0)
     center, radius = middle(scene, inside)
     if laid.count:  # without the waves of a few discs' length; edges stay sharp
         coarse = few.spread(smoothed(directions[few.rows], few.near).directions)
         directions = smoothed(coarse, near).directions
-    relief = carved(part, directions, near, few)
-    normals = engraved(part.means, directions, relief, near)
-    ground = _ground(part, normals, relief.hollow, up, (center, radius))
+    worn = fine[torch.cat((laid.over[:, 0] < len(part) - laid.count, torch.ones(laid.count) > 0))]
+    hollow, color = carved(part, directions, worn, few)
+    ground = _ground(part, directions, hollow, up, (center, radius))
     sure = float(confidence.median())
     looked = looked_from(part.means[few.rows[:0] if matte else few.rows], cameras)
     if eyes is not None:
         around = balanced(light_at(scene, eyes, NEAR_EYES * radius, up, cameras=cameras))
         light = lighting(around, None if matte else around)
-        every = torch.zeros(len(part), dtype=torch.long)
-        skin = Skin(part.means, normals, relief.detail, torch.ones(1, RAYS), every)
-        level = (relief.luminance / USUAL_ALBEDO).clamp(*LEVELS)[:, None, None].expand(-1, 2, 3)
-        return Studied(laid, few, light, skin, ground, level, looked, sure, ())
+        skin = Skin(part.means, directions, torch.ones(1, RAYS), torch.zeros(len(part)).long())
+        old = color @ torch.from_numpy(LUMINANCE).to(color)
+        level = (old / USUAL_ALBEDO).clamp(*LEVELS)[:, None, None].expand(-1, 2, 3)
+        return Studied(laid, fine, ragged, few, light, skin, ground, level, looked, sure, ())
     some, flat = part[few.rows], directions[few.rows]
-    open_ = past_body(some, some.means, ray_directions().double(), normals=flat).to(normals)
-    bare = Skin(some.means, flat, relief.detail[few.rows], open_, torch.arange(len(some)))
+    open_ = past_body(some, some.means, ray_directions().double(), normals=flat).to(directions)
+    bare = Skin(some.means, flat, open_, torch.arange(len(some)))
     weight = visible_area(some) if weights is None or discs is not None else weights[inside]
     around = find_surroundings(scene, inside, up, cameras=cameras)
-    light, notes = _light(around, up, relief.color[few.rows], bare.share, weight, matte)
-    sides = torch.cat([arriving(light, bare[rows]) for rows in _parts(len(some))])
-    skin = Skin(part.means, normals, relief.detail, few.spread(open_), torch.arange(len(part)))
-    return Studied(laid, few, light, skin, ground, few.spread(sides), looked, sure, notes)
+    light, notes = _light(around, up, color[few.rows], bare.share, weight, matte)
+    chunks = torch.arange(len(some)).split(AT_ONCE)
+    sides = torch.cat([arriving(light, bare[rows]) for rows in chunks])
+    skin = Skin(part.means, directions, few.spread(open_), torch.arange(len(part)))
+    return Studied(
+        laid, fine, ragged, few, light, skin, ground, few.spread(sides), looked, sure, notes
+    )
 
 
 def _ground(
@@ -391,24 +397,77 @@ class Laid:
     """Row in the scene before: of a disc the nearest one's of the part."""
     count: int
     """Number of discs among its Gaussians, which are its last ones."""
+    over: Int[Tensor, "p j"]
+    """Rows of this part whose mean color each Gaussian of the part before gets: those of discs in
+    its place, or its own."""
 
 
 def laid_on(scene: Gaussians, inside: Bool[Tensor, " n"], discs: Discs | None) -> Laid:
     """The scene with discs in place of the Gaussians that they cover."""
-    every = torch.arange(len(scene))
+    rows, kept = inside.nonzero().squeeze(-1), torch.ones_like(inside)
     if discs is None:
-        return Laid(scene, inside, every, 0)
-    rows = every[inside]
-    kept = torch.ones_like(inside)
+        return _laid(scene, inside, kept, (scene[:0], rows[:0]), torch.arange(len(rows))[:, None])
     kept[rows[discs.covered]] = False
     fresh = discs.scene.with_degree(scene.degree)
-    ones = torch.ones(len(fresh), dtype=torch.bool)
-    return Laid(
-        concatenate(scene[kept], fresh),
-        torch.cat((inside[kept], ones)),
-        torch.cat((every[kept], rows[discs.origin])),
-        len(fresh),
-    )
+    over = (kept[rows].cumsum(0) - 1)[:, None].repeat(1, min(BESIDE, len(fresh)))
+    lost = scene.means[rows[discs.covered]].numpy()
+    near = k_nearest(fresh.means.numpy(), lost, over.shape[1])[1]
+    over[discs.covered] = torch.from_numpy(near) + int(kept[rows].sum())
+    return _laid(scene, inside, kept, (fresh, rows[discs.origin]), over)
+
+
+def _laid(
+    scene: Gaussians,
+    inside: Bool[Tensor, " n"],
+    kept: Bool[Tensor, " n"],
+    discs: tuple[Gaussians, Int[Tensor, " d"]],
+    over: Int[Tensor, "p j"],
+) -> Laid:
+    """A scene's kept Gaussians and the discs on them, with the rows that they come from."""
+    (fresh, origin), ones = discs, torch.ones(len(discs[0]), dtype=torch.bool)
+    origin = torch.cat((kept.nonzero().squeeze(-1), origin))
+    made = concatenate(scene[kept], fresh)
+    return Laid(made, torch.cat((inside[kept], ones)), origin, len(fresh), over)
+
+
+def ragged_at(
+    scene: Gaussians, laid: Laid, normals: Float[Tensor, "m 3"], few: Few, cell: float
+) -> Bool[Tensor, " m"]:
+    """Whether a part of fine Gaussians turns too fast for discs, as petals do, or has none."""
+    wide = scene.log_scales[laid.origin[laid.inside]].sort(-1).values[:, 1:].mean(-1, keepdim=True)
+    near = neighbor_means(torch.cat((normals, wide.exp()), 1)[few.rows], few.near, ROUNDS)
+    agreed, wide = few.spread(near[:, :3].norm(dim=1)), few.spread(near[:, 3])
+    no_disc = torch.arange(len(wide)) < len(wide) - laid.count
+    return no_disc | ((agreed < AGREED) & (wide < SHARP * cell))
+
+
+def seen_detail(
+    scene: Gaussians, inside: Bool[Tensor, " n"], cameras: Sequence[Camera], laid: Laid
+) -> Float[Tensor, " q"]:
+    """Factor on display colors of each Gaussian inside and each disc: what cameras see of it, in
+    the mean, against what is around it. Joints and faces that are colors are darker so."""
+    from scipy.ndimage import gaussian_filter
+
+    eyes = list(cameras) or all_around(scene[inside])
+    some = [eyes[i].fitted(DETAIL_PIXELS) for i in evenly_spaced(len(eyes), DETAIL_VIEWS)]
+    (center, radius), maps = middle(scene, inside), []
+    flags = inside.to(scene.means)[:, None].expand(-1, 3).contiguous()
+    for view in some:
+        share = color_weights(scene, view).picture(flags)[..., :1].double().numpy()
+        share = share / max(share.max(), 1e-6)
+        light = linear_of_srgb(render_picture(scene, view).double().numpy()) + 1e-3
+        size = AROUND * radius * view.fx / max(float((center - view.center).norm()), radius)
+        soft, parts = (gaussian_filter(each, (size, size, 0)) for each in (light * share, share))
+        soft = np.where(share > SOLID, soft / np.maximum(parts, 1e-6), light)
+        hue = np.abs(light / light.sum(-1, keepdims=True) - soft / soft.sum(-1, keepdims=True))
+        ratio = np.clip(light @ LUMINANCE / (soft @ LUMINANCE), *FINE)
+        stone = 1 / (1 + (hue.max(-1) * np.minimum(ratio, 1) / HUE) ** 2)
+        maps.append(torch.from_numpy(np.log(ratio) * stone).float())
+    found = lift(scene, some, maps).mean[inside]
+    if laid.count:
+        there = lift(laid.scene, some, maps).mean[-laid.count :]
+        found = torch.cat((found, (there + QUIET).clamp(max=0)))
+    return (STEEPER / GAMMA * found).exp()
 
 
 def _normals(
@@ -445,21 +504,18 @@ def _eyes_within(part: Gaussians, cameras: Sequence[Camera]) -> Float[Tensor, "3
 def colors_of(
     studied: Studied, material: Material, degree: int, only: Int[Tensor, " s"], every: int = 1
 ) -> Float[Tensor, "s k 3"]:
-    """SH coefficients of these of the Gaussians in a material, fitted to one direction in so many;
-    those of degree 0 are of all of them in a matte one."""
+    """SH coefficients of these of the Gaussians in a material, fitted to one direction in many."""
     surface, skin = reflectance(material, studied.ground), studied.skin
     if not material.color:  # carving is in the colors that are there
         surface = replace(surface, color=own_colors(studied))
-        skin = replace(skin, detail=torch.ones_like(skin.detail))
     diffuse = body(material, surface, studied.sides)
     if degree == 0:
-        sent = everywhere(material, surface, skin, diffuse, studied.sides[:, 0])
-        return ((displayed(sent) - 0.5) / SH_DC)[:, None]
+        sent = everywhere(material, surface, diffuse, studied.sides[:, 0])
+        return ((displayed(sent[only]) - 0.5) / SH_DC)[:, None]
     own = studied.sides[:, 0] * surface.color
     directions, looked = ray_directions()[::every].to(diffuse), studied.looked[:, ::every]
     found = [diffuse.new_zeros(0, (degree + 1) ** 2, 3)]
-    for start in range(0, len(only), AT_ONCE):
-        rows = only[start : start + AT_ONCE]
+    for rows in only.split(AT_ONCE):
         some, here = skin[rows], surface[rows]
         seen = (some.normals @ directions.T + BEHIND).clamp(0, 0.5)
         weights = seen * looked[studied.few.over[rows, 0]]
@@ -500,12 +556,8 @@ def looked_from(points: Float[Tensor, "k 3"], cameras: Sequence[Camera]) -> Floa
         return points.new_ones(len(points), len(directions))
     some = [cameras[i].center for i in evenly_spaced(len(cameras), CAMERAS)]
     eyes, found = torch.stack(some).to(points), [points.new_zeros(0, len(directions))]
-    for rows in _parts(len(points)):
+    for rows in torch.arange(len(points)).split(AT_ONCE):
         to_cameras = torch.nn.functional.normalize(eyes - points[rows, None], dim=-1)
         near = torch.exp(SHARPNESS * (to_cameras @ directions.T - 1)).mean(1)
         found.append(near / near.mean(1, keepdim=True) + AROUND_WEIGHT)
     return torch.cat(found)
-
-
-def _parts(count: int) -> list[slice]:
-    return [slice(start, start + AT_ONCE) for start in range(0, count, AT_ONCE)]

@@ -185,11 +185,9 @@ def _overs(texts: list[str], known: str) -> list[Layer]:
         at = words.index(name)
         said = longest(words[max(0, at - 2) : at]) if at else None
         layers = OVERS[name]
-        found += (
-            [replace(each, color=_toned(each.color, said[1])) for each in layers]
-            if said
-            else list(layers)
-        )
+        for each in layers:  # a quarter of the way: green patina is not as green as paint
+            toned = between(each.color, between(each.color, said[1])) if said else each.color
+            found.append(replace(each, color=toned))
     return found
 
 
@@ -206,9 +204,3 @@ def _finished(material: Material, changes: dict[str, float]) -> Material:
         coat = min(coat, material.coat)
     kept = {**changes, "coat": coat}
     return replace(material, **kept, layers=layers)
-
-
-def _toned(own: str, said: str) -> str:
-    """A layer's color, a quarter of the way to the one that is said: green patina is not as green
-    as paint."""
-    return between(own, between(own, said))

@@ -217,12 +217,10 @@ def ray_directions() -> Float[Tensor, "d 3"]:
 
 @dataclass(frozen=True, eq=False)
 class Skin:
-    """Surface of a subject, one row a Gaussian: where, how turned, how carved, what it sees."""
+    """Surface of a subject, one row a Gaussian: where, how turned, what it sees."""
 
     points: Vectors
     normals: Vectors
-    detail: Float[Tensor, " n"]
-    """Factor on the light for what is carved finer than the normals show."""
     past: Float[Tensor, "k d"]
     """Share of the light from each of `ray_directions` that comes past the subject itself, at some
     of the points."""
@@ -230,12 +228,8 @@ class Skin:
     """Row of `past` of each."""
 
     def __getitem__(self, rows: slice | Tensor) -> Skin:
-        points, normals, detail, at = (
-            each[rows] for each in (self.points, self.normals, self.detail, self.at)
-        )
-        return Skin(
-            points, normals, detail, self.past, at
-        )  # of pairs, the largest part is not taken
+        points, normals, at = (each[rows] for each in (self.points, self.normals, self.at))
+        return Skin(points, normals, self.past, at)  # of pairs, the largest part is not taken
 
     def __len__(self) -> int:
         return len(self.points)
@@ -382,11 +376,11 @@ def outgoing(
         share = environment_brdf(glaze, smooth, cosine) * surface.coat[:, None]
         gloss = torch.lerp(own, reflected(light.maps, bent, smooth), seen)
         sent = sent * (1 - share) + gloss * share / (1 - clear * material.transmission)
-    return sent * skin.detail[:, None] + surface.glow[:, None] * surface.color
+    return sent + surface.glow[:, None] * surface.color
 
 
 def everywhere(
-    material: Material, surface: Reflectance, skin: Skin, diffuse: Vectors, front: Vectors
+    material: Material, surface: Reflectance, diffuse: Vectors, front: Vectors
 ) -> Vectors:
     """Linear light that a matte skin sends to cameras, about alike in all directions.
 
@@ -395,7 +389,7 @@ def everywhere(
     head_on = torch.full_like(surface.color, material.specular)
     cosine = torch.full_like(surface.roughness, USUAL_COSINE)
     gloss = front * environment_brdf(head_on, surface.roughness, cosine)
-    return (diffuse + gloss) * skin.detail[:, None] + surface.glow[:, None] * surface.color
+    return diffuse + gloss + surface.glow[:, None] * surface.color
 
 
 def body(material: Material, surface: Reflectance, sides: Float[Tensor, "n 2 3"]) -> Vectors:
