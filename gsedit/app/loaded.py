@@ -114,7 +114,7 @@ class Loaded:
     notes: tuple[str, ...]
     draft_gaussians: int = DRAFT_GAUSSIANS
     whole: bool = True
-    """Whether it is no checkpoint, whose views are not worth a search."""
+    """Whether it is no checkpoint."""
 
     @cached_property
     def bulk(self) -> Bounds:
@@ -176,24 +176,26 @@ class Loaded:
         for name in ("cache", "draft"):
             self.__dict__.pop(name, None)
 
+    def cameras(self) -> list[Camera]:
+        """Cameras of the views; of a checkpoint those that are recorded: it is not searched."""
+        return [each.camera for each in (self.viewpoints if self.whole else self.recorded)]
+
     @cached_property
     def middle(self) -> torch.Tensor:
-        """The place that the views look at, or the middle of the bulk; float64."""
-        views = self.viewpoints if self.whole else self.recorded
-        found = common_point([each.camera for each in views]) if views else None
+        """The place that the cameras look at, or the middle of the bulk; float64."""
+        cameras = self.cameras()
+        found = common_point(cameras) if cameras else None
         return torch.tensor(self.bulk.center, dtype=torch.float64) if found is None else found
 
     def first_camera(self) -> Camera:
-        """The camera of the first picture: the view that shows the middle best."""
-        if not (self.whole or self.recorded):
-            return framing_camera(self.scene)
-        return best_of([each.camera for each in self.viewpoints], self.middle, self.up())
+        """The camera of the first picture: the one that shows the middle best."""
+        cameras = self.cameras()
+        return best_of(cameras, self.middle, self.up()) if cameras else framing_camera(self.scene)
 
     def up(self) -> torch.Tensor:
-        """The upward direction of the views."""
-        if not (self.whole or self.recorded):
-            return guess_up(self.scene)
-        return up_of([each.camera for each in self.viewpoints])
+        """The upward direction of the cameras, or of the ground."""
+        cameras = self.cameras()
+        return up_of(cameras) if cameras else guess_up(self.scene)
 
 
 def read_checkpoint(file: Path, unedited: Gaussians | None) -> Loaded:

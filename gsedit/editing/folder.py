@@ -76,7 +76,6 @@ def write_edit(
     record = {"instruction": result.prompt, **(request or {}), **edit_record(result)}
     write_record({**record, "pictures": pictures}, folder / "edit.json", overwrite=overwrite)
     (folder / UNFINISHED).unlink(missing_ok=True)
-    (folder / "error_vs_time.png").unlink(missing_ok=True)  # an earlier version's
     if not result.events:
         (folder / "metrics.jsonl").unlink(missing_ok=True)
 

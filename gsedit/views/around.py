@@ -215,10 +215,9 @@ class Ring:
     """A circle from which a subject and what is around it look as if they were captured."""
 
     middle: Vector
-    """What its cameras look at, in world units: a little above the densest part."""
+    """The place that its cameras look at, a little above the densest part, and `radius` in world units."""
     up: Vector
     radius: float
-    """World units."""
 
     def seen(self, scene: Gaussians, direction: Vector, distance: float = 1.0) -> ScoredView:
         """The view of the middle from a unit direction, at a distance in radii."""
@@ -253,10 +252,8 @@ def find_ring(scene: Gaussians, sample: Sample, up: Vector | None = None) -> Rin
         return None
     ring = Ring(middle, rough, radius)
     if up is None:
-        near, seen = (
-            directions_around(1000).double(),
-            (ring.seen(scene, directions[i]) for i in best),
-        )
+        near = directions_around(1000).double()
+        seen = (ring.seen(scene, directions[i]) for i in best)
         found = find_up(near[near @ rough > 0.5], _normals(seen))
         ring = replace(ring, up=rough if found is None else found)
     return replace(ring, middle=middle + 0.1 * radius * ring.up)  # the ground is dense, too

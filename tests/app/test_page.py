@@ -105,9 +105,9 @@ def test_a_killed_page_is_reopened_where_it_was(opened, scene, tmp_path):
     opened.undo()
     opened.step("clean", "--seconds", "1", title="slow")
     until(lambda: documents.load(opened.folder).pending)
+    written = (opened.folder / documents.NAME).read_text()
     with pytest.raises(UsageError, match="open in another gsedit app"):
         open_path(make_page(tmp_path), scene)
-    written = (opened.folder / documents.NAME).read_text()
     opened.cancel()
     idle(opened)
     opened.close()

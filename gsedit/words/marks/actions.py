@@ -110,11 +110,8 @@ def _factor(asked: Asked, text: str) -> float | None:
     if number < 1 and ("." in said or "/" in said) and not said.startswith("by "):
         return number
     if number < 1:
-        added = (
-            said.startswith("by")
-            or sign > 0
-            or asked.after.lower().endswith(("er", "again", "off", "less"))
-        )
+        told = asked.after.lower().endswith(("er", "again", "off", "less"))
+        added = told or said.startswith("by") or sign > 0
         return 1 + sign * number if added else number
     return 1 / number if sign < 0 else number
 

@@ -78,8 +78,7 @@ TELLS = re.compile(
 QUALITIES = ("color", "material", "light", "look", "style", "growth", "finish")
 """Kinds of words that say what something becomes."""
 VAGUE = re.compile(
-    rf"{LED}(?:clean|tidy|declutter|bring|restore|throw)\b(?!.*\b(?:off|out|away|from)\b)",
-    re.IGNORECASE,
+    rf"{LED}(?:clean|tidy|declutter|bring|throw)\b(?!.*\b(?:off|out|away|from)\b)", re.I
 )
 """A sentence that may mean that something goes, and may not."""
 REFUSED = 0.6
@@ -128,11 +127,9 @@ def unsure(said: Marked, files: Sequence[str] = ()) -> bool:
     """Whether what is marked, or that nothing more is, is not sure; that files are put in is."""
     asked = (each for each in said.asked if not (files and each.of_file))
     least = min((each.sure for each in asked), default=1.0)
-    vague = VAGUE.search(said.text)
-    doubted = any(
-        turned(each, said.text) or (vague and each.deed == "remove") for each in said.asked
-    )
-    return bool(doubted) or least < UNSURE or said.more > MORE or said.kept_more > KEPT_MORE
+    vague = bool(VAGUE.search(said.text)) and any(each.deed == "remove" for each in said.asked)
+    doubted = vague or any(turned(each, said.text) for each in said.asked)
+    return doubted or least < UNSURE or said.more > MORE or said.kept_more > KEPT_MORE
 
 
 def turned(asked: Asked, text: str) -> bool:
@@ -189,6 +186,5 @@ def heard(text: str, files: Sequence[str] = ()) -> tuple[tuple[Change, ...], boo
     if not said.kept and (stopped := stays_unheard(text, changes)):
         raise Refused("kept", stopped)
     lost = unread(said, changes)
-    named = any(word.kind in QUALITIES[1:] for word in scanned(text))  # "less blue" is a tone
-    whole = named and text.strip(" .!?") in lost
+    whole = text.strip(" .!?") in lost and any(w.kind in QUALITIES[1:] for w in scanned(text))
     return changes, not (whole or unsure(said, files)), lost
