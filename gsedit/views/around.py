@@ -215,7 +215,7 @@ class Ring:
     """A circle from which a subject and what is around it look as if they were captured."""
 
     middle: Vector
-    """The place that its cameras look at, a little above the densest part, and `radius` in world units."""
+    """The place that its cameras look at, a little above the densest part; world units."""
     up: Vector
     radius: float
 
