@@ -71,7 +71,7 @@ VIEW_PIXELS = 256
 CELL_PIXELS, FRONT_PIXELS, PAIR_PIXELS = 200, 320, 512
 """Heights of pictures, pixels: in the sheet, the front picture, of before and after."""
 LABEL_PIXELS, GAP = 18, 2
-MOVING_PIXELS, FRAMES, FPS, ARC = 300, 56, 14.0, 40.0  # ARC: degrees of a swing
+MOVING_PIXELS, FRAMES, FPS, ARC = 300, 46, 12.0, 40.0  # ARC: degrees of a swing
 
 
 @dataclass(frozen=True, eq=False)
