@@ -63,8 +63,8 @@ def edit(window, page):
 
 
 def export(window, page, tmp_path):
-    opens = lambda: window.press("File") or window.sleep(1.0) or "Export" in window.text()  # noqa: E731
-    window.wait(opens)  # looks that arrive above move it away from a press
+    # looks that arrive above move it away from a press
+    window.wait(lambda: window.press("File") or window.sleep(1.0) or "Export" in window.text())
     window.press("Export")
     files = lambda: list((page.folder / "exports").glob("bear*"))  # noqa: E731
     window.wait(lambda: files() and page.busy is None, 40)
