@@ -113,8 +113,7 @@ class Loaded:
     numerics: Numerics
     notes: tuple[str, ...]
     draft_gaussians: int = DRAFT_GAUSSIANS
-    whole: bool = True
-    """Whether it is no checkpoint."""
+    whole: bool = True  # no checkpoint
 
     @cached_property
     def bulk(self) -> Bounds:

@@ -145,8 +145,9 @@ BEHIND = 0.03
 """Share of what is known of a plane that may lie behind another one that ends it: a corner."""
 LEAST_CELLS, LEAST_FINE_CELLS = 6, 2
 """Cells of the smallest hole, coarse and fine: a smaller one is closed by what is around it."""
-MOST_OF = 0.7
-"""Least share of an object's foot that is on a part that reflects, and of its hull filled."""
+MOST_OF, AMID = 0.7, 2
+"""Of a part that reflects: least share of an object's foot that is on it, and of its hull that is
+filled; most of it, of the surface known around: views see through more where a fit is thin."""
 CLOSE = 0.1
 """Distance of the object's parts that are close over a plane, of its extent."""
 NOTCH = 0.05
@@ -290,7 +291,7 @@ def _glossy(
     clear = touching(~solid & ~known, widened(foot, GAP))
     part = opened(clear | foot)
     beyond = clear[[0, -1]].any() or clear[:, [0, -1]].any()
-    if beyond or not part.any() or clear.sum() <= caster.sum():
+    if beyond or not part.any() or not caster.sum() < clear.sum() < AMID * known.sum():
         return np.zeros_like(part)
     hull = Delaunay(np.argwhere(part)).find_simplex(np.argwhere(np.ones_like(part))) >= 0
     hull = hull.reshape(part.shape)
