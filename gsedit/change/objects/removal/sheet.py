@@ -146,8 +146,8 @@ BEHIND = 0.03
 LEAST_CELLS, LEAST_FINE_CELLS = 6, 2
 """Cells of the smallest hole, coarse and fine: a smaller one is closed by what is around it."""
 MOST_OF, AMID = 0.7, 2
-"""Of a part that reflects: least share of an object's foot that is on it, and of its hull that is
-filled; most of it, of the surface known around: views see through more where a fit is thin."""
+"""Least share of an object's foot that is on a part that reflects, and of its hull filled; and most
+of the part, of the surface known around it: views see through more where a fit is thin."""
 CLOSE = 0.1
 """Distance of the object's parts that are close over a plane, of its extent."""
 NOTCH = 0.05
