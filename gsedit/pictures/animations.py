@@ -202,18 +202,18 @@ def write_loop(
     another suffix, a WebP beyond 16,383 pixels, more than 50 a second in a GIF, and as
     `atomic_path` does.
     """
-    path = Path(path)
-    check_format(path, fps)
+    check_format(path := Path(path), fps)
     gif = path.suffix.lower() == ".gif"
     if not gif and path.suffix.lower() != ".webp":
         raise UsageError(f"{path}: name a .webp or a .gif")
-    first, *pictures = (_indexed(f) if gif else Image.fromarray(f) for f in _first(frames)[1])
+    start, frames = _first(frames)
+    if not gif and max(start.shape[:2]) > WEBP_SIDE:  # before the other frames are rendered
+        raise UsageError(f"a WebP has at most {WEBP_SIDE} pixels a side: write an .mp4 or a .gif")
+    first, *pictures = (_indexed(f) if gif else Image.fromarray(f) for f in frames)
     step = 10 if gif else 1
     ends = [step * round(1000 / step * i / fps) for i in range(len(pictures) + 2)]
     times = [end - start for start, end in pairwise(ends)]
     kind = {"format": "GIF", "optimize": False} if gif else {"format": "WEBP", "quality": QUALITY}
-    if not gif and max(first.size) > WEBP_SIDE:
-        raise UsageError(f"a WebP has at most {WEBP_SIDE} pixels a side: write an .mp4 or a .gif")
     with atomic_path(path, overwrite=overwrite) as temporary:
         first.save(temporary, save_all=True, append_images=pictures, duration=times, loop=0, **kind)
 
