@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from rasterizer.camera import Camera
     from rasterizer.scene import Gaussians
 
-FOUND_VIEWS = 24
-"""Views that are found for a scene without cameras, whose pixels --at names in every verb."""
 VIEW_PIXELS = 256
 """Longer side of views where --size is not given."""
 
@@ -123,17 +121,18 @@ def recorded(path: Path | None, scene: Gaussians, size: int) -> tuple[Viewpoint,
 
 
 def resolve_cameras(
-    path: Path | None, scene: Gaussians, options: ViewOptions, count: int = FOUND_VIEWS
+    path: Path | None, scene: Gaussians, options: ViewOptions, count: int | None = None
 ) -> ResolvedCameras:
-    """Return the cameras of --data, or those recorded beside the scene, or else `count` found."""
-    from gsedit.views.around import find_viewpoints
+    """Return the cameras of --data, or those recorded beside the scene, or else `count` found; as
+    many as in every verb without it, so that --at names the same pixels."""
+    from gsedit.views.around import FOUND_VIEWS, find_viewpoints
     from gsedit.views.viewpoints import thinned
 
     known = known_cameras(path, scene, options)
     if known is not None:
         return known
     print_message("searching the scene for views; a cameras.json beside it saves this")
-    found = find_viewpoints(scene, count, options.pixels, wish=options.wish())
+    found = find_viewpoints(scene, count or FOUND_VIEWS, options.pixels, wish=options.wish())
     say_if_empty(thinned(found, 8), scene)
     return ResolvedCameras(found, found=True)
 

@@ -17,7 +17,7 @@ from ..core.console import print_message, print_result
 from ..core.kernel import say_kernel
 from ..core.outputs import check_file, check_folder
 from ..core.progress import counting
-from ..options.cameras import FOUND_VIEWS, ResolvedCameras, ViewOptions, resolve_cameras
+from ..options.cameras import ResolvedCameras, ViewOptions, resolve_cameras
 from ..options.common import Reads, Scene, Writes, load_file, numerics_of, scene_file
 
 if TYPE_CHECKING:
@@ -223,7 +223,7 @@ def render(
     say_kernel(with_values(Execution(), values))
     moving = own.taken
     wanted = own.count or (COUNT if kind == "folder" else 1)
-    searched = FOUND_VIEWS if moving or own.region is not None else wanted
+    searched = None if moving or own.region is not None else wanted
     resolved = resolve_cameras(scene, gaussians, cameras, searched)
     if own.region is not None:
         gaussians = tint(gaussians, own.region, resolved, own.editor, own.prompt or "")

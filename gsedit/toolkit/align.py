@@ -250,7 +250,7 @@ class AlignToGround(Align):
     """Turn the scene so that its ground is level, and move it there along the upward axis.
 
     `up` is the axis that then points up; `near` the direction that is up now, within 35 degrees
-    (None: guessed as for the views of a scene).
+    (None: up in the views that are found of the scene).
     """
 
     up: str = "-y"
@@ -263,9 +263,10 @@ class AlignToGround(Align):
 
     def find(self, table: SplatTable, say: Say) -> Similarity:
         if self.near is None:
-            from gsedit.scene.framing import guess_up
+            from gsedit.views.around import cameras_of
+            from gsedit.views.paths import up_of
 
-            near = guess_up(gaussians_of(table)).numpy()
+            near = up_of(cameras_of(gaussians_of(table), size=64)).double().numpy()
         else:
             near = AXES[self.near]
         plane, share, above = find_ground(table, near)

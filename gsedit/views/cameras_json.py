@@ -1,8 +1,9 @@
 """cameras.json: the cameras of a capture beside its scene, in the format of INRIA's trainer.
 
 A list of objects: id, img_name, width, height (pixels), position (the camera's center), rotation
-(camera to world, 3x3, rows; OpenCV axes), fx, fy (pixels). The principal point is the middle of the
-picture. Source: `camera_to_JSON` of graphdeco-inria/gaussian-splatting, utils/camera_utils.py.
+(camera to world, 3x3, rows; OpenCV axes), fx, fy (pixels); the principal point is the middle of the
+picture. Where a camera has a near plane of its own, near (world units) is added. Source:
+`camera_to_JSON` of graphdeco-inria/gaussian-splatting, utils/camera_utils.py.
 """
 
 from __future__ import annotations
@@ -35,7 +36,8 @@ _CAMERAS = list_of(
             "rotation": numbers(3, 3, most=2.0),
             **dict.fromkeys(("fx", "fy"), number()),
             **dict.fromkeys(("width", "height"), number(1.0, float(MAX_SIDE))),
-        }
+        },
+        {"near": number(0.0)},
     ),
     least=1,
 )
@@ -148,6 +150,7 @@ def _entry(index: int, viewpoint: View | Viewpoint) -> dict[str, Any]:
         "rotation": camera.rotation.detach().T.tolist(),
         "fy": float(camera.fy),
         "fx": float(camera.fx),
+        **({} if camera.near is None else {"near": camera.near}),
     }
 
 
@@ -160,5 +163,5 @@ def _viewpoint(entry: dict[str, Any], where: str) -> Viewpoint:
     width, height = int(width), int(height)
     check_lens((fx, fy), (width / 2, height / 2), (width, height), where)
     pose = pose_of(rotation.T, position)
-    camera = Camera(pose, fx, fy, width / 2, height / 2, width, height)
+    camera = Camera(pose, fx, fy, width / 2, height / 2, width, height, near=entry.get("near"))
     return Viewpoint(safe_name(entry["img_name"], where), camera)

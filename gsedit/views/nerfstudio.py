@@ -53,7 +53,7 @@ _LENS = {
 """Keys that stand in a frame, or beside "frames" for all."""
 _FRAME = object_of(
     {"file_path": text(), "transform_matrix": numbers(4, 4, most=MAX_POSITION)},
-    {**_LENS, "mask_path": text(empty=True)},
+    {**_LENS, "mask_path": text(empty=True), "near": number(0.0)},
 )
 TRANSFORMS = object_of({"frames": list_of(_FRAME)}, {**_LENS, "ply_file_path": text(empty=True)})
 """A transforms.json, or a list of views."""

@@ -2,9 +2,9 @@
 
 The keys are nerfstudio's (transforms.json): each of "frames" has a file_path (the view's name), a
 transform_matrix (camera to world, OpenGL axes: y up, z back; world units of the scene), fl_x, fl_y,
-cx, cy, w and h in pixels. A "role" is added (see `Role`); a frame without one is "held_out". Keys
-that all frames share may stand beside "frames". Photos need not exist; lenses with distortion are
-refused.
+cx, cy, w and h in pixels. A "role" is added (see `Role`; "held_out" in a frame without one), and
+"near" (world units) where a camera has a near plane of its own. Keys that all frames share may
+stand beside "frames". Photos need not exist; lenses with distortion are refused.
 """
 
 from __future__ import annotations
@@ -135,6 +135,7 @@ def _frame(viewpoint: Viewpoint, role: str) -> dict[str, Any]:
             for key, value in zip(_LENS, (camera.fx, camera.fy, camera.cx, camera.cy))
         },
         "transform_matrix": pose.tolist(),
+        **({} if camera.near is None else {"near": camera.near}),
     }
 
 
@@ -153,4 +154,4 @@ def _viewpoint(values: dict[str, Any], where: str) -> Viewpoint:
             "--data and write the list with --save-views"
         )
     pose = world_to_camera(values["transform_matrix"], where)
-    return Viewpoint(name, Camera(pose, fx, fy, cx, cy, width, height))
+    return Viewpoint(name, Camera(pose, fx, fy, cx, cy, width, height, near=values.get("near")))

@@ -5,6 +5,8 @@ from __future__ import annotations
 import torch
 from plain_scenes import discs
 
+from gsedit.scene.table import table_of
+from gsedit.toolkit.align import AlignToGround
 from gsedit.views import search
 from gsedit.views.around import find_up, find_views
 from gsedit.views.orbit import perpendicular
@@ -100,6 +102,8 @@ def test_a_subject_is_seen_from_all_sides_above_its_ground_in_any_frame():
     assert (offsets @ up > 0.01).all()
     assert float(offsets.norm(dim=-1).amax()) < 0.4
     assert float((offsets.mean(0) - offsets.mean(0) @ up * up).norm()) < 0.05
+    turned = AlignToGround().find(table_of(scene), print).matrix[:3, :3] @ up.double().numpy()
+    assert turned[1] < -0.99
 
 
 def test_up_is_the_normal_of_the_ground_not_of_a_wall_that_is_faced():

@@ -1,6 +1,7 @@
 """Lists of views: what is written is read to the last bit, and what is wrong is named."""
 
 import json
+from dataclasses import replace
 
 import pytest
 import torch
@@ -28,7 +29,7 @@ FRAME = {
 def viewpoints(count=10):
     up = torch.tensor([0.1, 0.2, 1.0])
     eyes = torch.tensor([[2.0, 1.0, 0.3 * i] for i in range(count)])
-    cameras = [look_at(eye, torch.zeros(3), up, 50.0, 12, 10) for eye in eyes]
+    cameras = [replace(look_at(eye, torch.zeros(3), up, 50.0, 12, 10), near=0.3) for eye in eyes]
     return tuple(Viewpoint(f"images/{i:02d}.jpg", camera) for i, camera in enumerate(cameras))
 
 
@@ -44,7 +45,7 @@ def test_a_list_is_read_as_it_was_written(tmp_path):
         assert a.camera.world_to_camera.allclose(
             b.camera.world_to_camera.double(), rtol=0, atol=1e-12
         )
-        for key in ("fx", "fy", "cx", "cy", "width", "height"):
+        for key in ("fx", "fy", "cx", "cy", "width", "height", "near"):
             assert getattr(a.camera, key) == getattr(b.camera, key)
     with pytest.raises(UsageError, match="already exists"):
         write_view_list(views, tmp_path / "views.json")

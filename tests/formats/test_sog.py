@@ -51,14 +51,6 @@ def _giant(meta, files) -> None:
     files["scales.webp"] = lossless_webp(np.zeros((4000, 4000, 4), np.uint8))
 
 
-def _bomb(meta, files) -> None:
-    files["scales.webp"] = bytes(1 << 25)
-
-
-def _many(meta, files) -> None:
-    meta["count"] = 1 << 31
-
-
 LIES = {
     "up": (lambda meta, files: _name(meta, "../../etc/passwd"), "leaves its folder"),
     "absolute": (lambda meta, files: _name(meta, "/etc/passwd"), "an absolute path"),
@@ -66,8 +58,11 @@ LIES = {
     "backslash": (lambda meta, files: _name(meta, "..\\x.webp"), "leaves its folder"),
     "missing": (lambda meta, files: _name(meta, "x.webp"), "has no x.webp"),
     "giant": (_giant, "4000x4000 pixels for 50"),
-    "zip_bomb": (_bomb, "larger than its scene explains"),
-    "absurd_count": (_many, "announces"),
+    "zip_bomb": (
+        lambda _, files: files.update({"scales.webp": bytes(1 << 25)}),
+        "larger than its scene explains",
+    ),
+    "absurd_count": (lambda meta, files: meta.update(count=1 << 31), "announces"),
     "larger_count": (lambda meta, files: meta.update(count=70), "pixels, the scene needs 70"),
     "not_a_count": (lambda meta, files: meta.update(count="50"), "count is '50'"),
     "no_picture": (lambda meta, files: files.update({"quats.webp": b"x" * 99}), "pixels"),

@@ -283,12 +283,6 @@ class Mixture(NamedTuple):
         fit = torch.einsum("vn,kvn->vk", direction, offsets) - offsets.square().sum(-1).T / 2
         return self.log_weights + fit / (self.width**2 + variance)
 
-    def responsibilities(
-        self, q: Float[Tensor, "v c y x"], variance: float
-    ) -> Float[Tensor, "v k"]:
-        """p(k | q), float64."""
-        return self.log_joint(q, variance).softmax(-1)
-
     def log_density(self, q: Float[Tensor, "v c y x"], variance: float) -> Float[Tensor, " v"]:
         """log p(q) + n/2 log(2 pi), float64."""
         total = self.width**2 + variance
@@ -300,7 +294,7 @@ class Mixture(NamedTuple):
         self, q: Float[Tensor, "v c y x"], variance: float
     ) -> Float[Tensor, "v c y x"]:
         """Posterior mean E[x0 | q] of the clean latent."""
-        weights = self.responsibilities(q, variance).to(q)
+        weights = self.log_joint(q, variance).softmax(-1).to(q)  # p(k | q)
         center = self.base + torch.einsum("vk,kvcyx->vcyx", weights, self.offsets)
         return center + self.width**2 / (self.width**2 + variance) * (q - center)
 

@@ -22,10 +22,11 @@ from gsedit.formats.ply.inria import field_columns
 from gsedit.pictures.viewer.libraries import check_drawing, check_screen, import_pyvista
 from gsedit.pictures.viewer.point_clouds import solid, splat_colors
 from gsedit.run.environment import load_extra
-from gsedit.scene.framing import bounds, framing_camera, guess_up
+from gsedit.scene.framing import bounds, framing_camera
 from gsedit.scene.table import table_of
 from gsedit.select.kinds import NAMED
 from gsedit.select.region import TINT, TINT_STRENGTH
+from gsedit.views.around import cameras_of
 from gsedit.views.paths import up_of
 from gsedit.views.viewpoints import Viewpoint
 from rasterizer.camera import Camera
@@ -398,7 +399,7 @@ def preview(
     if camera is None and around.cameras:
         camera = outside_camera(shown, around.cameras, size)
     elif camera is None:
-        camera = framing_camera(shown, up=guess_up(scene), size=size)
+        camera = framing_camera(shown, up=up_of(cameras_of(scene, size=64)), size=size)
     if path is not None:
         save_picture(draw(panels, camera, look, around), path, overwrite=overwrite)
         return
