@@ -116,7 +116,8 @@ class Verbs(TyperGroup):
             message = one_line(error.format_message()).replace("Value error, ", "")
             message = message.replace(SET, "--set ")
             if message.startswith("Got unexpected extra arg") and verb.split()[-1] in SENTENCES:
-                message += ": put the whole sentence in quotes"
+                named = message.lower().endswith((".png)", ".jpg)", ".ply)"))
+                message += ": add -o before the file" if named else ": put the sentence in quotes"
             print_message(f"{verb}: {message} (see {verb} --help)")
         return USAGE
 

@@ -27,7 +27,7 @@ REFUSED = """
 2 | info --strict scene.ply | --check
 2 | info ended | convert
 3 | info none.ply | none.ply
-
+2 | edit scene.ply 'as gold' --preview a.png | -o before the file
 2 | fit photos | -o
 2 | fit photos -o a.ply --steps many | --steps
 2 | fit photos -o a.ply --quality best | draft
