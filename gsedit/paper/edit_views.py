@@ -212,18 +212,22 @@ def find_ground_truth(session: Session, edited: Mapping[int, Float[Tensor, "h w 
 def match_views(session: Session, members: Sequence[int]) -> Correspondences:
     """Match latent cells of these views that show the same place, by the unedited scene's depth."""
     unedited, cell = session.unedited, session.request.editor.cell
-    renderings = [unedited.edit_rendering(i) for i in members]
-    depths = [r.median_depth for r in renderings if r.median_depth is not None]
-    alphas = [r.alpha for r in renderings]
+    alphas = [unedited.edit_rendering(i).alpha for i in members]
     # up to whole cells nothing is seen: alpha 0
     return correspond(
         [pad_camera(unedited.edit_camera(i), cell) for i in members],
-        pad_to_multiple(torch.stack(depths), cell, "constant"),
+        pad_to_multiple(_depths(session, members), cell, "constant"),
         pad_to_multiple(torch.stack(alphas), cell, "constant"),
         cell=cell,
         rules=DEFAULT_RULES,
         apart=_apart(session.weights, members),
     )
+
+
+def _depths(session: Session, members: Sequence[int]) -> Float[Tensor, "v h w"]:
+    """Median depths of the unedited scene at the size at which these views are edited."""
+    renderings = (session.unedited.edit_rendering(i) for i in members)
+    return torch.stack([r.median_depth for r in renderings if r.median_depth is not None])
 
 
 def _apart(weights: Float[Tensor, "v n"], members: Sequence[int]) -> set[tuple[int, int]]:
@@ -284,6 +288,7 @@ def batch_of(
         anchored=torch.tensor([i in anchors for i in members]),
         subject=_subject(session, [cameras[i] for i in members]),
         seed=session.progress.noise_seed,
+        depths=_depths(session, members) if isinstance(request.editor, StylePainter) else None,
     )
 
 

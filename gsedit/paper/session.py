@@ -236,7 +236,9 @@ class Session:
     def all_bands(self) -> Gaussians:
         """A copy of the scene as it is now, with all its bands."""
         edited = self.scene
-        rest = self.bands[:, edited.sh.shape[1] :]
+        rest = self.bands[:, edited.sh.shape[1] :].clone()
+        if self.request.keeps_strokes:
+            rest[self.region.inside] = 0
         whole = replace(edited, sh=torch.cat((edited.sh, rest), 1)) if rest.shape[1] else edited
         return whole.map(torch.clone)
 
