@@ -461,9 +461,12 @@ def find_shade(
     dark &= opened(dark | source, thin)
     if others.any():
         dark &= CLOSER * away_from(others) > away
-    shadow = touching(dark, source)
-    if not shadow.any() or not _cast(light, shadow, known & ~shadow, away):
+    numbers, count = parts_of(touching(dark, source))
+    parts = [numbers == part for part in range(1, count + 1)]
+    cast = [part for part in parts if _cast(light, part, known & (numbers == 0), away)]
+    if not cast:
         return none[0], contact
+    shadow = np.any(cast, 0)
     even = mean_around(picture, seen, max(PATTERN, sigma)).mean(-1) / usual.mean(-1)
     fading = np.where(shadow, even.clip(0.05, 1.0), 1.0)[..., None]
     fading = mean_around(fading, seen, max(1.0, sigma / 2)).clip(0.05, 1.0)
