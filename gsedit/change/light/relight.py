@@ -254,9 +254,9 @@ def step(values: Float[Tensor, "*n"], low: float, high: float) -> Float[Tensor, 
     return t * t * (3 - 2 * t)
 
 
-MIDDLE = 0.14
-"""Mean linear luminance of a picture that is exposed well: of a display, 0.41."""
-ADAPTED = 0.4
+MIDDLE = 0.1
+"""Mean linear luminance of a picture that is exposed well: of a display, 0.35."""
+ADAPTED = 0.65
 """Power of what is missing to it that the exposure makes up: a night stays darker than a day."""
 GLEAM = 0.05
 """Share of the light that is added which any surface throws back, whatever its color."""
