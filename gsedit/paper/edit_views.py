@@ -85,10 +85,6 @@ MEASURE = "measure"
 MIN_ANCHOR_OVERLAP = 0.3
 """Least overlap of a further anchor with the new views: below it few cells match (0.12 of them on
 the bear), and a view's cells are compared for nothing."""
-MIN_MATCH_OVERLAP = 0.01
-"""Least overlap of two views (see `view_overlap`) whose cells are compared. A matched cell has an
-alpha of at least 0.9 in both pictures, and is at most twice as wide and high in one as in the
-other: a pair of less overlap matches at most 0.01 * 4 / 0.9 = 4.4 % of its cells."""
 
 
 def edit_views(
@@ -220,7 +216,6 @@ def match_views(session: Session, members: Sequence[int]) -> Correspondences:
         pad_to_multiple(torch.stack(alphas), cell, "constant"),
         cell=cell,
         rules=DEFAULT_RULES,
-        apart=_apart(session.weights, members),
     )
 
 
@@ -228,17 +223,6 @@ def _depths(session: Session, members: Sequence[int]) -> Float[Tensor, "v h w"]:
     """Median depths of the unedited scene at the size at which these views are edited."""
     renderings = (session.unedited.edit_rendering(i) for i in members)
     return torch.stack([r.median_depth for r in renderings if r.median_depth is not None])
-
-
-def _apart(weights: Float[Tensor, "v n"], members: Sequence[int]) -> set[tuple[int, int]]:
-    """Pairs of positions in `members` whose views were surveyed to share next to nothing."""
-    known = [k for k, i in enumerate(members) if i < len(weights)]
-    if len(known) < 2:
-        return set()
-    rows = weights[[members[k] for k in known]]
-    shared = view_overlap(rows, rows)
-    pairs = itertools.combinations(range(len(known)), 2)
-    return {(known[a], known[b]) for a, b in pairs if shared[a, b] < MIN_MATCH_OVERLAP}
 
 
 def _harmonised(

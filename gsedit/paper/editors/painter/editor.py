@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import repeat
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -57,20 +58,15 @@ SKETCH = "sketch"
 """Name of the style that is drawn, over what the others paint."""
 PAPER, GRAPHITE = 0.97, 0.12
 """Display tones of paper and of lines."""
-LINES = ((1.2, 1.0), (2.4, 0.9))
-"""Widths of lines, pixels, and how dark they are."""
-EDGE, JUMP = 0.05, 0.06
-"""Differences in tone, and in the logarithm of depth, at which a line is as dark as it gets."""
-GRAIN, BUSY = 0.15, 0.03
-"""Pixels of a line, in the picture's longer side, below which it is a speck of grain; mean
-difference in tone around it from which it is one of too many."""
+LINES, EDGE, JUMP = (1.2, 2.4), 0.05, 0.06
+"""Widths of lines, pixels; differences in tone, and in the logarithm of depth, of the darkest."""
+GRAIN, BUSY = 0.22, 0.03
+"""Pixels, in the picture's longer side, of a line below which it is grain; difference in tone from
+the surroundings from which there are too many."""
 HATCHES = ((40.0, 0.72), (40.0, 0.42), (-30.0, 0.22))
 """Directions of hatching, degrees, and the tones below which each begins."""
 STROKE = (30.0, 2.6)
 """Length and width of its strokes, pixels: Gaussians hold no finer ones."""
-PALEST = 0.25
-"""Share of its darkness that hatching has far away."""
-
 Map = NDArray[np.float64]
 
 
@@ -84,52 +80,38 @@ def penciled(
     luma = picture.double().numpy() @ (LUMINANCE / LUMINANCE.sum())
     low, high = np.quantile(luma, (0.02, 0.9))
     tone = np.clip((luma - low) / max(high - low, 1e-3), 0, 1)
-    line, pale = _lines(_even(tone, 2)), 1.0
+    even, pale = _even(tone, 2), 1.0
+    busy = gaussian_filter(np.abs(gaussian_filter(even, 1.6) - even), 8) / BUSY
+    edges = (gaussian_filter(even, 1.6 * size) - gaussian_filter(even, size) for size in LINES)
+    line = np.max([_long(each / (EDGE * busy.clip(1))) for each in edges], 0)
     if depth is not None:
         seen = torch.where(depth > 0, depth, depth.max()).double().clamp_min(1e-6)
-        z = median_filter(seen.log().numpy(), 5)
-        line = np.maximum(line, _long((gaussian_filter(z, 2) - z) / JUMP))
-        pale = np.exp(2 * (np.quantile(z, 0.3) - z) + 0.5).clip(PALEST, 1)
+        far = median_filter(seen.log().numpy(), 5)
+        line = np.maximum(line, _long((gaussian_filter(far, 2) - far) / JUMP))
+        pale = np.exp(2 * (np.quantile(far, 0.3) - far) + 0.5).clip(0.25, 1)
     left = (1 - line * np.sqrt(pale)) * (1 - pale * _hatching(tone))
     drawn = torch.from_numpy(GRAPHITE + (PAPER - GRAPHITE) * left).to(picture)
     return drawn[..., None].repeat(1, 1, 3)
 
 
 def _even(tone: Map, radius: int) -> Map:
-    """The tone without grain: the guided filter (He et al. 2013) by itself."""
+    """The tone without grain: the guided filter of gsedit.paper.guided, by itself."""
     from scipy.ndimage import uniform_filter
 
-    mean, square = (uniform_filter(each, 2 * radius + 1) for each in (tone, tone * tone))
-    slope = 1 / (1 + 0.01 / (square - mean * mean).clip(1e-9))
-    offset = mean * (1 - slope)
-    return sum(
-        uniform_filter(each, 2 * radius + 1) * by for each, by in ((slope, tone), (offset, 1))
-    )
+    mean = partial(uniform_filter, size=2 * radius + 1)
+    slope = 1 - 0.01 / (0.01 + mean(tone * tone) - mean(tone) ** 2)
+    return mean(slope) * tone + mean((1 - slope) * mean(tone))
 
 
-def _long(edge: Map, width: float = 1.0) -> Map:
+def _long(edge: Map) -> Map:
     """Edges as lines, in [0, 1], but for short ones."""
     from scipy.ndimage import label
 
     line = edge.clip(0, 1)
-    parts, _ = label(line > 0.3, np.ones((3, 3)))
-    pixels = np.bincount(parts.ravel())
-    pixels[0] = 0
-    return line * (pixels[parts] / (GRAIN * width * max(edge.shape)) - 0.5).clip(0, 1)
-
-
-def _lines(tone: Map) -> Map:
-    """Lines on the dark side of edges; few where all is full of them."""
-    from scipy.ndimage import gaussian_filter
-
-    around = gaussian_filter(np.abs(gaussian_filter(tone, 1.6) - tone), 8)
-    least = EDGE * (around / BUSY).clip(1)
-    edges = (
-        dark
-        * _long((gaussian_filter(tone, 1.6 * size) - gaussian_filter(tone, size)) / least, size)
-        for size, dark in LINES
-    )
-    return np.maximum(*edges)
+    found: Any = label(line > 0.3, np.ones((3, 3)))
+    parts = found[0]
+    pixels = np.bincount(parts.ravel()) / (GRAIN * max(edge.shape))
+    return line * (pixels[parts] - 0.5).clip(0, 1) * (parts > 0)
 
 
 def _hatching(tone: Map) -> Map:
@@ -138,8 +120,8 @@ def _hatching(tone: Map) -> Map:
 
     soft = _even(_even(gaussian_filter(tone, 1.5), 4), 4)
     beside = soft - gaussian_filter(soft, 40)
-    spread = np.sqrt(gaussian_filter(beside**2, 40)) + 0.06
-    soft = 0.4 * soft + 0.6 * (0.62 + 0.3 * beside / spread).clip(0, 1)
+    beside = beside / (np.sqrt(gaussian_filter(beside**2, 40)) + 0.06)
+    soft = 0.4 * soft + 0.6 * (0.62 + 0.3 * beside).clip(0, 1)
     y, x = np.indices(tone.shape)
     left = np.ones_like(tone)
     for number, (angle, begins) in enumerate(HATCHES):
@@ -147,7 +129,7 @@ def _hatching(tone: Map) -> Map:
         at = np.stack((turn.real / STROKE[0], turn.imag / STROKE[1], 0 * turn.real), -1)
         grain = noise(torch.from_numpy(at).reshape(-1, 3), number).reshape(tone.shape).numpy()
         share = ((begins - soft) / 0.35).clip(0, 1) * (0.42 * (1 + grain)).clip(0, 1)
-        left = left * (1 - 0.7 * share)
+        left *= 1 - 0.7 * share
     return 1 - left
 
 
