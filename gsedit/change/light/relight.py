@@ -263,14 +263,16 @@ GLEAM = 0.05
 
 
 def exposure(found: Survey, scene: Gaussians, ratio: Vectors) -> float:
-    """Factor, at least 1, of dim light, as eyes and cameras adapt: a gray day's night is no black.
+    """Factor, at least 1, of dim light, as eyes and cameras adapt: a gray day's night is no black,
+    nor brighter than the day.
 
     `ratio` is new light over present light. Stronger light stays brighter.
     """
-    linear = sh_to_color(scene.sh[:, 0].detach().double()).clamp(0, 1) ** GAMMA * ratio
+    linear = sh_to_color(scene.sh[:, 0].detach().double()).clamp(0, 1) ** GAMMA
     seen = found.seen / found.seen.sum().clamp_min(1e-12)
-    mean = float(seen @ (linear @ torch.from_numpy(LUMINANCE / LUMINANCE.sum())))
-    return max(1.0, MIDDLE / max(mean, 1e-6)) ** ADAPTED
+    weights = torch.from_numpy(LUMINANCE / LUMINANCE.sum())
+    before, mean = (float(seen @ (each @ weights)) for each in (linear, linear * ratio))
+    return max(1.0, min(before, MIDDLE) / max(mean, 1e-6)) ** ADAPTED
 
 
 def gleaming(scene: Gaussians, light: Vectors) -> Gaussians:
