@@ -10,7 +10,6 @@ from collections.abc import Generator, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from datetime import datetime, timedelta
 from itertools import islice
-from math import isqrt, pi, sqrt
 from operator import index
 from textwrap import fill
 from typing import Any, NamedTuple
@@ -19,11 +18,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from gsedit.capture.fitting.solve import MOST_COEFFICIENTS
 from gsedit.capture.fitting.strokes import leading_views
 from gsedit.errors import Said, UsageError
 from gsedit.paper.actions import RollbackAction
-from gsedit.paper.diffusion.precision import has_bfloat16
 from gsedit.paper.edit_views import batch_of, find_ground_truth
 from gsedit.paper.evaluate import Drawing, evaluate_edit
 from gsedit.paper.protocol import Cost
@@ -38,7 +35,7 @@ from gsedit.run.stopwatch import Stopwatch, duration
 from gsedit.select.region import Region, everything
 from gsedit.views.dataset import View
 
-FORMAT = 6
+FORMAT = 7
 """Version of an edit's state: raised when older states can no longer be restored."""
 
 
@@ -162,8 +159,6 @@ class Estimate:
     """Pictures that the editor is asked for at the end, to compare the scene with: of each view
     two."""
     cost: Cost
-    cheaper: str
-    """A setting with which it takes half as long or less; empty where none is known."""
 
     @property
     def seconds(self) -> float:
@@ -183,8 +178,6 @@ class Estimate:
         ]
         if cost.peak_bytes:
             parts.append(f"{cost.peak_bytes / 1e9:.1f} GB of memory")
-        if self.cheaper:
-            parts.append(f"{self.cheaper} takes half as long or less")
         return "; ".join(parts)
 
 
@@ -201,21 +194,7 @@ def estimate_edit(session: Session) -> Estimate | None:
     plan = session.plan
     cost = measure(batch_of(session, plan.batches[0]), request.settings.sampler)
     held_out = 2 * min(request.settings.held_out_edits, len(request.held_out_indices))
-    return Estimate(len(plan.views), held_out, cost, cheaper(cost))
-
-
-def cheaper(cost: Cost) -> str:
-    """An option that halves the time, as on the command line; empty where none is known.
-
-    The one that changes the edit least comes first (docs/measurements/editors.md).
-    """
-    if cost.evaluations >= 2.5 * cost.steps:  # sharing leaves 1.4 of them
-        return "--preset quick"
-    if cost.precision == "float32" and has_bfloat16():
-        return "--set precision=bfloat16 with --runtime openvino"
-    if cost.steps >= 16:  # fewer are of models made for few
-        return f"--steps {cost.steps // 2}"
-    return ""
+    return Estimate(len(plan.views), held_out, cost)
 
 
 def draw(
@@ -332,11 +311,10 @@ def _session(
     request: Request, stopwatch: Stopwatch, noise_seed: int, plan: ViewPlan | None = None
 ) -> Generator[Event, None, Session]:
     """A session that has not begun, of a request whose views are surveyed."""
-    bands = request.scene.sh
     request, plan, weights = yield from survey_views(request, stopwatch, plan)
     unedited = UneditedRenders(request)
     progress = start_progress(request, stopwatch, noise_seed)
-    return Session(request, plan, weights, bands, unedited, progress)
+    return Session(request, plan, weights, unedited, progress)
 
 
 def run_schedule(session: Session) -> Iterator[Event | Checkpoint]:
@@ -381,12 +359,8 @@ def checkpoint(session: Session, views: State | None = None, undone: int = 0) ->
         session_state(session, views).along_with(undone=undone),
         session.progress.work.steps,
         session.progress.stopwatch.seconds,
-        session.all_bands,
+        lambda: session.scene.map(torch.clone),
     )
-
-
-INVISIBLE_COLOR = 1 / 510
-"""Color difference in [0, 1] that no picture shows: half a step of an 8-bit picture."""
 
 
 def survey_views(
@@ -394,7 +368,7 @@ def survey_views(
 ) -> Generator[Event, None, tuple[Request, ViewPlan, Float[Tensor, "v n"]]]:
     """Plan which views to edit, unless there is a `plan`.
 
-    Returns the request with the bands that are fitted, the plan, and how much each view sees of
+    Returns the request with the views that lead, the plan, and how much each view sees of
     each Gaussian, in pixels of a small picture. Raises UsageError where no view sees the scene.
     """
     views = request.views
@@ -408,10 +382,6 @@ def survey_views(
             leading = leading_views(weights * inside, request.scene.means)
             request = replace(request, leading=leading)
         plan = plan or _plan(request, weights)
-        scene = request.scene
-        least = MOST_COEFFICIENTS if request.solves else 1
-        fitted = scene.sh[:, : max(least, visible_coefficients(scene.sh))]
-        request = replace(request, scene=replace(scene, sh=fitted))
     yield Event("survey", stopwatch.seconds, len(views), len(views), note=_note(request, plan))
     return request, plan, weights
 
@@ -451,29 +421,3 @@ def _note(request: Request, plan: ViewPlan) -> str:
             f"{camera.width}x{camera.height}"
         )
     return note
-
-
-def band_colors(sh: Float[Tensor, "n k 3"]) -> Float[Tensor, "n d"]:
-    """The most that each degree adds to a color, over all directions and channels.
-
-    By Cauchy-Schwarz: the squares of a degree's 2 d + 1 harmonics add up to (2 d + 1) / (4 pi) in
-    every direction (the addition theorem).
-    """
-    degrees = range(1, isqrt(sh.shape[1]))
-    columns = [
-        sh[:, d * d : (d + 1) ** 2].norm(dim=1).amax(-1) * sqrt((2 * d + 1) / (4 * pi))
-        for d in degrees
-    ]
-    return torch.stack(columns, -1) if columns else sh.new_zeros(len(sh), 0)
-
-
-def visible_coefficients(sh: Float[Tensor, "n k 3"]) -> int:
-    """Coefficients a channel that an edit renders and fits.
-
-    The highest degrees are not among them where they together add at most `INVISIBLE_COLOR` to
-    the color of every Gaussian.
-    """
-    tails = band_colors(sh).flip(-1).cumsum(-1).flip(-1)
-    colors = tails.amax(0).tolist() if len(tails) else [0.0] * tails.shape[1]
-    degree = next((i for i, color in enumerate(colors) if color <= INVISIBLE_COLOR), len(colors))
-    return (degree + 1) ** 2

@@ -85,10 +85,6 @@ MEASURE = "measure"
 MIN_ANCHOR_OVERLAP = 0.3
 """Least overlap of a further anchor with the new views: below it few cells match (0.12 of them on
 the bear), and a view's cells are compared for nothing."""
-MIN_MATCH_OVERLAP = 0.01
-"""Least overlap of two views (see `view_overlap`) whose cells are compared. A matched cell has an
-alpha of at least 0.9 in both pictures, and is at most twice as wide and high in one as in the
-other: a pair of less overlap matches at most 0.01 * 4 / 0.9 = 4.4 % of its cells."""
 
 
 def edit_views(
@@ -212,29 +208,21 @@ def find_ground_truth(session: Session, edited: Mapping[int, Float[Tensor, "h w 
 def match_views(session: Session, members: Sequence[int]) -> Correspondences:
     """Match latent cells of these views that show the same place, by the unedited scene's depth."""
     unedited, cell = session.unedited, session.request.editor.cell
-    renderings = [unedited.edit_rendering(i) for i in members]
-    depths = [r.median_depth for r in renderings if r.median_depth is not None]
-    alphas = [r.alpha for r in renderings]
+    alphas = [unedited.edit_rendering(i).alpha for i in members]
     # up to whole cells nothing is seen: alpha 0
     return correspond(
         [pad_camera(unedited.edit_camera(i), cell) for i in members],
-        pad_to_multiple(torch.stack(depths), cell, "constant"),
+        pad_to_multiple(_depths(session, members), cell, "constant"),
         pad_to_multiple(torch.stack(alphas), cell, "constant"),
         cell=cell,
         rules=DEFAULT_RULES,
-        apart=_apart(session.weights, members),
     )
 
 
-def _apart(weights: Float[Tensor, "v n"], members: Sequence[int]) -> set[tuple[int, int]]:
-    """Pairs of positions in `members` whose views were surveyed to share next to nothing."""
-    known = [k for k, i in enumerate(members) if i < len(weights)]
-    if len(known) < 2:
-        return set()
-    rows = weights[[members[k] for k in known]]
-    shared = view_overlap(rows, rows)
-    pairs = itertools.combinations(range(len(known)), 2)
-    return {(known[a], known[b]) for a, b in pairs if shared[a, b] < MIN_MATCH_OVERLAP}
+def _depths(session: Session, members: Sequence[int]) -> Float[Tensor, "v h w"]:
+    """Median depths of the unedited scene at the size at which these views are edited."""
+    renderings = (session.unedited.edit_rendering(i) for i in members)
+    return torch.stack([r.median_depth for r in renderings if r.median_depth is not None])
 
 
 def _harmonised(
@@ -284,6 +272,7 @@ def batch_of(
         anchored=torch.tensor([i in anchors for i in members]),
         subject=_subject(session, [cameras[i] for i in members]),
         seed=session.progress.noise_seed,
+        depths=_depths(session, members) if isinstance(request.editor, StylePainter) else None,
     )
 
 

@@ -283,7 +283,7 @@ def _evaluation_input(
     """The edited scene rendered at edited and held-out views, and all that it is compared with."""
     request, views = session.request, session.request.every_view
     measured = tuple(dict.fromkeys((*request.held_out_indices, *held_out)))
-    scene, region = session.all_bands(), session.region
+    scene, region = session.scene.map(torch.clone), session.region
     finals = {i: render_picture(scene, views[i].camera) for i in (*shown, *measured)}
     targets = {i: view.image for i, view in session.progress.edited.targets.items()}
     return EvaluationInput(

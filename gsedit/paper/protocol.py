@@ -42,6 +42,8 @@ class EditBatch:
     noise in all of them."""
     subject: Float[Tensor, "v h w"] | None = None
     """The probability that a pixel shows what is to be edited. None: the editor decides."""
+    depths: Float[Tensor, "v h w"] | None = None
+    """Median depth of the unedited scene, for editors that draw; None: not known."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,6 +150,11 @@ class StylePainter(Editor, Protocol):
     @property
     def stroke_batches(self) -> int:
         """Most batches of views where the settings leave it open."""
+        ...
+
+    @property
+    def draws(self) -> bool:
+        """Whether it draws on paper: none of the scene's own colors stay."""
         ...
 
     def in_styles(self, names: tuple[str, ...]) -> Editor:

@@ -6,7 +6,7 @@ Actions change the progress; everything else is given, or can be rendered again.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import torch
@@ -197,9 +197,6 @@ class Session:
     """The views that are edited."""
     weights: Float[Tensor, "v n"]
     """How much each view sees of each Gaussian, in pixels of a small picture."""
-    bands: Float[Tensor, "n k 3"]
-    """The scene's spherical harmonics, all of them: the request's scene has those that are fitted.
-    """
     unedited: UneditedRenders
     progress: Progress
 
@@ -232,13 +229,6 @@ class Session:
             whole = render_picture(request.whole, request.every_view[i].camera)
             edited = (edited + (self.unedited.picture(i) - whole).to(edited)).clamp(0, 1)
         return self.within_region(i, edited)
-
-    def all_bands(self) -> Gaussians:
-        """A copy of the scene as it is now, with all its bands."""
-        edited = self.scene
-        rest = self.bands[:, edited.sh.shape[1] :]
-        whole = replace(edited, sh=torch.cat((edited.sh, rest), 1)) if rest.shape[1] else edited
-        return whole.map(torch.clone)
 
 
 @torch.no_grad()

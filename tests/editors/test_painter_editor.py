@@ -1,5 +1,7 @@
 """The painter as an editor: strength, colors, pictures as styles, strokes."""
 
+from dataclasses import replace
+
 import pytest
 import tiny_edits
 import torch
@@ -112,3 +114,23 @@ def test_a_sketch_is_graphite_on_paper():
     made = painted(make_editor("painter"), pictures(1), "sketch")
     assert float((made.amax(-1) - made.amin(-1)).max()) < 0.05
     assert float(made.min()) < 0.5 < 0.9 < float(made.max())
+
+
+def test_a_sketch_has_contours_where_depth_jumps_and_none_of_grain():
+    grain = torch.rand(1, 64, 64, 1, generator=torch.Generator().manual_seed(0))
+    even = (0.5 + 0.1 * grain).expand(-1, -1, -1, 3)
+    depths = torch.where(torch.arange(64) < 32, 1.0, 2.0).expand(1, 64, -1)
+    editor = make_editor("painter").in_styles(("sketch",))
+    flat, stepped = (editor.pictures(even, each)[0, 8:56, :, 0] for each in (None, depths))
+    assert flat[:, 28:36].mean() > 0.7
+    line = stepped[:, 28:36].mean(0)
+    assert line[:4].min() < 0.3 < 0.6 < line[4:].min()  # on the near side
+
+
+def test_a_sketch_leaves_no_color_of_the_scene_from_any_side():
+    scene, views = tiny_edits.scene(), tiny_edits.data()
+    sh = torch.cat((scene.sh[:, :1], torch.ones(len(scene), 15, 3)), 1)
+    settings = EditSettings(batches=1, held_out_edits=0)
+    made = gsedit.edit(replace(scene, sh=sh), "draw it in pencil", views, settings=settings).scene
+    torch.testing.assert_close(made.sh, made.sh[..., :1].expand_as(made.sh), rtol=0, atol=0.02)
+    assert not made.sh[:, 1:].any()

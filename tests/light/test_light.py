@@ -104,6 +104,12 @@ def test_an_object_that_is_alone_is_seen_at_night_and_more_light_is_brighter(sce
     assert shown(around).mean() < night
 
 
+def test_the_night_of_a_dark_capture_is_seen_and_no_brighter_than_its_day(scene):
+    dark = surrounded(replace(scene, sh=color_to_sh(torch.full((len(scene), 1, 3), 0.2))))
+    night = shown(relit(dark, setup_of("moonlight"), CAMERAS))[: len(scene)]
+    assert 0.15 < night.mean() < 0.2
+
+
 def test_what_is_far_changes_its_tone_only(scene):
     both, cameras = surrounded(scene), CAMERAS
     after = relit(both, LIGHTS["sunny"], cameras)

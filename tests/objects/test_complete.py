@@ -60,6 +60,16 @@ def test_a_shadow_is_found_and_paint_is_not():
     assert (shade == 1).all()
 
 
+def test_a_shadow_is_found_though_soil_across_the_object_is_dark():
+    hole = abs(COLUMNS - 32) < 4
+    fading = 1 - 0.3 * np.clip(1 - (COLUMNS - 36) / 14, 0, 1)
+    light = np.where(COLUMNS > 32, fading, np.where(COLUMNS > 8, 0.84, 1.0))
+    picture = np.repeat(0.6 * light[..., None], 3, 2)
+    shade, _ = find_shade(picture, ~hole, hole, hole, np.zeros_like(hole), 40.0)
+    assert shade[:, 37:40].mean() < 0.9
+    assert (shade[:, :28] == 1).all()
+
+
 def test_a_hole_is_filled_from_what_is_near_it():
     hole = np.hypot(ROWS - 8, COLUMNS - 8) < 4
     near = around(~hole, hole)

@@ -254,23 +254,25 @@ def step(values: Float[Tensor, "*n"], low: float, high: float) -> Float[Tensor, 
     return t * t * (3 - 2 * t)
 
 
-MIDDLE = 0.14
-"""Mean linear luminance of a picture that is exposed well: of a display, 0.41."""
-ADAPTED = 0.4
+MIDDLE = 0.1
+"""Mean linear luminance of a picture that is exposed well: of a display, 0.35."""
+ADAPTED = 0.65
 """Power of what is missing to it that the exposure makes up: a night stays darker than a day."""
 GLEAM = 0.05
 """Share of the light that is added which any surface throws back, whatever its color."""
 
 
 def exposure(found: Survey, scene: Gaussians, ratio: Vectors) -> float:
-    """Factor, at least 1, of dim light, as eyes and cameras adapt: a gray day's night is no black.
+    """Factor, at least 1, of dim light, as eyes and cameras adapt: a gray day's night is no black,
+    nor brighter than the day.
 
     `ratio` is new light over present light. Stronger light stays brighter.
     """
-    linear = sh_to_color(scene.sh[:, 0].detach().double()).clamp(0, 1) ** GAMMA * ratio
+    linear = sh_to_color(scene.sh[:, 0].detach().double()).clamp(0, 1) ** GAMMA
     seen = found.seen / found.seen.sum().clamp_min(1e-12)
-    mean = float(seen @ (linear @ torch.from_numpy(LUMINANCE / LUMINANCE.sum())))
-    return max(1.0, MIDDLE / max(mean, 1e-6)) ** ADAPTED
+    weights = torch.from_numpy(LUMINANCE / LUMINANCE.sum())
+    before, mean = (float(seen @ (each @ weights)) for each in (linear, linear * ratio))
+    return max(1.0, min(before, MIDDLE) / max(mean, 1e-6)) ** ADAPTED
 
 
 def gleaming(scene: Gaussians, light: Vectors) -> Gaussians:

@@ -8,7 +8,7 @@ is along the view, 0 where nothing was rendered: the rendered *median* depth of 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import cos, radians
 from typing import NamedTuple
@@ -70,14 +70,12 @@ def correspond(
     *,
     cell: int = 8,
     rules: Visibility = DEFAULT_RULES,
-    apart: Collection[tuple[int, int]] = (),
 ) -> Correspondences:
     """Clusters of corresponding cells of all views.
 
     The mutual pairs of all v (v - 1) / 2 pairs of views are merged by union-find, smallest error
-    first; a merge that would put two cells of one view into a cluster is refused. Pairs (a, b),
-    a < b, that are known to be `apart` are not compared and match nowhere. Raises UsageError when
-    the pictures do not divide into cells or are not their cameras'.
+    first; a merge that would put two cells of one view into a cluster is refused. Raises
+    UsageError when the pictures do not divide into cells or are not their cameras'.
     """
     views = len(depths)
     grid = _grid(depths, cell)
@@ -87,8 +85,6 @@ def correspond(
     matched = torch.eye(views, dtype=torch.float64)
     pairs = {}
     for a, b in itertools.combinations(range(views), 2):
-        if (a, b) in apart:
-            continue
         pairs[a, b] = mutual(surfaces[a], surfaces[b], rules)
         matched[a, b] = matched[b, a] = len(pairs[a, b].a) / (grid[0] * grid[1])
     labels = _merge(pairs, views, grid[0] * grid[1])

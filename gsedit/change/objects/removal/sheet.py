@@ -453,22 +453,35 @@ def find_shade(
     far = known & ~near
     if not near.any() or not far.any():
         return none
-    usual = solve_membrane(mean_around(picture, far.astype(float), sigma), hole | near, far)
-    usual = np.maximum(usual, 1e-3)
+    even = mean_around(picture, far.astype(float), sigma)
+    usual = np.maximum(solve_membrane(even, hole | near, far), 1e-3)
     light, own = mean / usual, (mean_around(picture, seen, 1.0) / usual).mean(-1)
     contact = known & (away <= TOUCHED * farthest) & (own < DIM)
     dark = near & (light.mean(-1) < SHADED)
     dark &= opened(dark | source, thin)
     if others.any():
         dark &= CLOSER * away_from(others) > away
-    shadow = touching(dark, source)
-    if not shadow.any() or not _cast(light, shadow, known & ~shadow, away):
+    shadow = _shadows(light, touching(dark, source), known, away)
+    if not shadow.any():
         return none[0], contact
     even = mean_around(picture, seen, max(PATTERN, sigma)).mean(-1) / usual.mean(-1)
     fading = np.where(shadow, even.clip(0.05, 1.0), 1.0)[..., None]
     fading = mean_around(fading, seen, max(1.0, sigma / 2)).clip(0.05, 1.0)
     contact |= shadow & (fading[..., 0] < DEEP)
     return np.where(known[..., None], fading, 1.0), contact
+
+
+def _shadows(
+    light: Float[np.ndarray, "h w 3"],
+    dark: Bool[np.ndarray, "h w"],
+    known: Bool[np.ndarray, "h w"],
+    away: Float64[np.ndarray, "h w"],
+) -> Bool[np.ndarray, "h w"]:
+    """The connected parts of what is dark that are shadows, each by itself."""
+    numbers, count = parts_of(dark)
+    parts = [numbers == part for part in range(1, count + 1)]
+    cast = (part for part in parts if _cast(light, part, known & ~dark, away))
+    return np.any([np.zeros_like(dark), *cast], 0)
 
 
 def _cast(

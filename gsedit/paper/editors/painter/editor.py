@@ -8,12 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
+from itertools import repeat
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
 from jaxtyping import Float
+from numpy.typing import NDArray
 from PIL import Image
 from torch import Tensor
 
@@ -53,41 +56,81 @@ BATCHES = 6
 
 SKETCH = "sketch"
 """Name of the style that is drawn, over what the others paint."""
-PAPER, GRAPHITE = (0.96, 0.95, 0.92), (0.16, 0.16, 0.18)
-"""Display colors of paper and of lines."""
-LINES = ((1.0, 1.0), (2.2, 0.7))
-"""Widths of lines, pixels, and how dark they are."""
-EDGE = 0.07
-"""Difference in tone at which a line is as dark as it gets."""
-HATCHES = ((40.0, 0.75), (-35.0, 0.45), (5.0, 0.22))
+PAPER, GRAPHITE = 0.97, 0.12
+"""Display tones of paper and of lines."""
+LINES, EDGE, JUMP = (1.2, 2.4), 0.05, 0.06
+"""Widths of lines, pixels; differences in tone, and in the logarithm of depth, of the darkest."""
+GRAIN, BUSY = 0.22, 0.03
+"""Pixels, in the picture's longer side, of a line below which it is grain; difference in tone from
+the surroundings from which there are too many."""
+HATCHES = ((40.0, 0.72), (40.0, 0.42), (-30.0, 0.22))
 """Directions of hatching, degrees, and the tones below which each begins."""
-STROKE = (14.0, 1.5)
-"""Length and width of its strokes, pixels."""
+STROKE = (30.0, 2.6)
+"""Length and width of its strokes, pixels: Gaussians hold no finer ones."""
+Map = NDArray[np.float64]
 
 
-def penciled(picture: Float[Tensor, "h w 3"]) -> Float[Tensor, "h w 3"]:
-    """The picture in pencil: lines on the dark side of edges, and hatching by tone."""
-    from scipy.ndimage import gaussian_filter
+def penciled(
+    picture: Float[Tensor, "h w 3"], depth: Float[Tensor, "h w"] | None = None
+) -> Float[Tensor, "h w 3"]:
+    """The picture in pencil: lines on the dark side of edges and the near side of jumps in depth,
+    and hatching by tone, paler where it is far."""
+    from scipy.ndimage import gaussian_filter, median_filter
 
     luma = picture.double().numpy() @ (LUMINANCE / LUMINANCE.sum())
-    low, high = np.quantile(luma, (0.02, 0.98))
+    low, high = np.quantile(luma, (0.02, 0.9))
     tone = np.clip((luma - low) / max(high - low, 1e-3), 0, 1)
-    line = np.zeros_like(tone)
-    for size, dark in LINES:
-        edge = gaussian_filter(tone, 1.6 * size) - gaussian_filter(tone, size)
-        line = np.maximum(line, dark * np.clip(edge / EDGE, 0, 1))
-    soft = gaussian_filter(tone, 1.5)
-    beside = (soft - gaussian_filter(soft, 20)) / max(4 * soft.std(), 1e-3)
-    soft = 0.65 * soft + 0.35 * np.clip(0.5 + beside, 0, 1)
+    even, pale = _even(tone, 2), 1.0
+    busy = gaussian_filter(np.abs(gaussian_filter(even, 1.6) - even), 8) / BUSY
+    edges = (gaussian_filter(even, 1.6 * size) - gaussian_filter(even, size) for size in LINES)
+    line = np.max([_long(each / (EDGE * busy.clip(1))) for each in edges], 0)
+    if depth is not None:
+        seen = torch.where(depth > 0, depth, depth.max()).double().clamp_min(1e-6)
+        far = median_filter(seen.log().numpy(), 5)
+        line = np.maximum(line, _long((gaussian_filter(far, 2) - far) / JUMP))
+        pale = np.exp(2 * (np.quantile(far, 0.3) - far) + 0.5).clip(0.25, 1)
+    left = (1 - line * np.sqrt(pale)) * (1 - pale * _hatching(tone))
+    drawn = torch.from_numpy(GRAPHITE + (PAPER - GRAPHITE) * left).to(picture)
+    return drawn[..., None].repeat(1, 1, 3)
+
+
+def _even(tone: Map, radius: int) -> Map:
+    """The tone without grain: the guided filter of gsedit.paper.guided, by itself."""
+    from scipy.ndimage import uniform_filter
+
+    mean = partial(uniform_filter, size=2 * radius + 1)
+    slope = 1 - 0.01 / (0.01 + mean(tone * tone) - mean(tone) ** 2)
+    return mean(slope) * tone + mean((1 - slope) * mean(tone))
+
+
+def _long(edge: Map) -> Map:
+    """Edges as lines, in [0, 1], but for short ones."""
+    from scipy.ndimage import label
+
+    line = edge.clip(0, 1)
+    found: Any = label(line > 0.3, np.ones((3, 3)))
+    parts = found[0]
+    pixels = np.bincount(parts.ravel()) / (GRAIN * max(edge.shape))
+    return line * (pixels[parts] - 0.5).clip(0, 1) * (parts > 0)
+
+
+def _hatching(tone: Map) -> Map:
+    """Strokes, the more and in more directions the darker it is, also against what is around."""
+    from scipy.ndimage import gaussian_filter
+
+    soft = _even(_even(gaussian_filter(tone, 1.5), 4), 4)
+    beside = soft - gaussian_filter(soft, 40)
+    beside = beside / (np.sqrt(gaussian_filter(beside**2, 40)) + 0.06)
+    soft = 0.4 * soft + 0.6 * (0.62 + 0.3 * beside).clip(0, 1)
     y, x = np.indices(tone.shape)
+    left = np.ones_like(tone)
     for number, (angle, begins) in enumerate(HATCHES):
         turn = np.exp(1j * np.radians(angle)) * (x + 1j * y)
         at = np.stack((turn.real / STROKE[0], turn.imag / STROKE[1], 0 * turn.real), -1)
         grain = noise(torch.from_numpy(at).reshape(-1, 3), number).reshape(tone.shape).numpy()
-        hatch = np.clip((begins - soft) / 0.3, 0, 1) * np.clip(0.55 + 0.6 * grain, 0, 1)
-        line = line + hatch / len(HATCHES)
-    paper, graphite = picture.new_tensor(PAPER), picture.new_tensor(GRAPHITE)
-    return torch.lerp(paper, graphite, torch.from_numpy(line).clamp(0, 1)[..., None].to(picture))
+        share = ((begins - soft) / 0.35).clip(0, 1) * (0.42 * (1 + grain)).clip(0, 1)
+        left *= 1 - 0.7 * share
+    return 1 - left
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,10 +187,13 @@ class Painter:
         asked = mixed(maps, [1.0] * len(maps)) if maps else ()
         return replace(self, asked=asked, draws=SKETCH in named)
 
-    def pictures(self, originals: Float[Tensor, "v h w 3"]) -> Float[Tensor, "v h w 3"]:
+    def pictures(
+        self, originals: Float[Tensor, "v h w 3"], depths: Float[Tensor, "v h w"] | None = None
+    ) -> Float[Tensor, "v h w 3"]:
         """Pictures in the styles that are asked for, at full strength."""
         made = painted(self.network, originals, self.asked) if self.asked else originals
-        return torch.stack([penciled(each) for each in made]) if self.draws else made
+        known = repeat(None) if depths is None else depths
+        return torch.stack([penciled(*each) for each in zip(made, known)]) if self.draws else made
 
     @torch.no_grad()
     def edit(
@@ -156,7 +202,7 @@ class Painter:
         """Paint the originals; none is anchored to another. Raises UsageError as `check`."""
         self.check(batch.prompt)
         originals = batch.originals
-        change = self.pictures(originals) - originals
+        change = self.pictures(originals, batch.depths) - originals
         if self.keep_colors:
             change = (change @ change.new_tensor(LUMINANCE))[..., None]
         yield EditProgress(1, 1, (originals + self.strength * change).clamp(0, 1))
