@@ -157,7 +157,7 @@ BLOCKS, PLANE = (4, 2, 1), 0.998
 in them."""
 HIDING = 0.4
 """Share of the usual thickness at which a layer hides what is under it."""
-TUFT_TILT, TUFT_LONG, TUFT_WIDE = 0.45, 0.8, 0.4
+TUFT_TILT, TUFT_LONG, TUFT_WIDE = 0.45, 0.5, 0.4
 """Standard deviation of the tilt of a tuft against its normal; its length in the layer's thickness
 and its width in pixels, as standard deviations."""
 TUFT_UP = 0.35
@@ -225,20 +225,27 @@ def blocks_of(
     return found
 
 
+WARM = (0.9, 0.5, 0.1)
+"""Share of the mottles a channel in what is brighter for some way: it is drier, too."""
+
+
 def colors_of(spots: Spots, growth: Growth) -> Float[Tensor, "m 3"]:
     """Display colors in the present light, mottled."""
     random = torch.randn(len(spots), generator=torch.Generator().manual_seed(0)).double()
     level = spots.rise.abs()  # discs are long where it is steep: mottles would be streaks
     mottle = 1 + growth.mottle * level * random.clamp(-2, 2)
-    return spots.shaded(growth.shade, growth.lit, spots.light()) * mottle[:, None]
+    patches = growth.mottle * spots.noise(0.05, 7)[:, None] * torch.tensor(WARM).double()
+    return spots.shaded(growth.shade, growth.lit, spots.light()) * (mottle[:, None] + patches)
 
 
 def tufts(patch: Patch, growth: Growth, amount: float) -> Gaussians:
     """A mat of discs, and short tufts that stand out of it, some lighter than others."""
     relief, spots = patch.top, patch.spots(patch.top)
-    colors = colors_of(spots, growth)
+    hollow = step(spots.openness, 0.1, 0.8) * spots.mean(patch.site.setting.detail(1.0))
+    colors = colors_of(spots, growth) * (0.4 + 0.7 * hollow)[:, None]
+    thin = growth.opacity * (2 * patch.share[patch.lies]).clamp_max(1)
     mat = discs(
-        spots.points, spots.normals, relief.axis, relief.pixel, growth.opacity, 0.72 * colors
+        spots.points, spots.normals, relief.axis, relief.pixel, thin, 0.72 * colors
     )
     generator = torch.Generator().manual_seed(1)
     count = len(spots)
@@ -569,7 +576,7 @@ def _patch(
     """The patch of a growth on what is seen along one of the axes, and faces that axis most."""
     most = amount * growth.thickness * site.size
     wide = max(1, round(ROUND * most / pixel))
-    seen = relief_of(scene[site.rows], axes[which], pixel).filled(HOLES)
+    seen = relief_of(scene[site.rows], axes[which], pixel).filled(2 if growth.around else HOLES)
     lowest = seen.heights[seen.there].amin() if bool(seen.there.any()) else 0.0
     heights = torch.where(seen.there, seen.heights, lowest)
     bridged = -blanket(-heights, wide, most)

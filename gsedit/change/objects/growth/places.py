@@ -173,15 +173,11 @@ def dusty(spots: Spots) -> Float[Tensor, " m"]:
 
 
 def mossy(spots: Spots) -> Float[Tensor, " m"]:
-    """Moss: on damp places, which are low, in crevices or turned from the light, in clumps; more on
-    ledges than on walls, and none below."""
-    shade = step(spots.light() / spots.site.exposure, 0.9, 0.45)
-    crevices = step(spots.openness, 0.75, 0.3)
-    low = step(spots.height, 0.35, 0.02)
-    ledge = step(spots.rise, 0.1, 0.75)
-    damp = 0.5 * shade + 0.55 * crevices + 0.5 * low + 0.45 * ledge
-    clumps = 0.75 * damp + 0.2 * spots.noise(0.09, 3) + 0.1 * spots.noise(0.03, 4)
-    return step(clumps, 0.35, 0.6) * step(spots.rise, -0.35, 0.0) * spots.earthly
+    """Moss: over all that faces up or outward, in clumps that thin out downward; into crevices and
+    low places farther, and on none that faces down."""
+    damp = 0.3 * step(spots.openness, 0.75, 0.3) + 0.2 * step(spots.height, 0.35, 0.02)
+    clumps = spots.rise + damp + 0.25 * spots.noise(0.09, 3) + 0.12 * spots.noise(0.03, 4)
+    return step(clumps, -0.1, 0.35) * step(spots.rise, -0.6, -0.2) * spots.earthly
 
 
 def icy(spots: Spots) -> Float[Tensor, " m"]:
