@@ -72,6 +72,15 @@ class SceneCache:
         return promised.result()
 
 
+@contextmanager
+def cached(scene: Gaussians) -> Iterator[None]:
+    """Answer from a new cache of a scene in this thread until the context ends; from the one in use
+    if it is of that scene."""
+    place = _in_use.get()
+    with (place if place and place.has(scene) else SceneCache(scene)).used():
+        yield
+
+
 def cached_per_scene(
     function: Callable[Concatenate[Gaussians, P], T],
 ) -> Callable[Concatenate[Gaussians, P], T]:

@@ -344,8 +344,8 @@ def _covered(
     return ColorChange(saturation, ones, veil, tint)
 
 
-AUTUMN = ((0.36, 0.34, 0.1), (0.86, 0.62, 0.1), (0.88, 0.44, 0.08), (0.7, 0.2, 0.08),
-          (0.5, 0.3, 0.14))  # fmt: skip
+AUTUMN = ((0.58, 0.46, 0.16), (0.94, 0.69, 0.16), (0.97, 0.5, 0.1), (0.8, 0.22, 0.09),
+          (0.55, 0.32, 0.15))  # fmt: skip
 SPRING = ((0.42, 0.62, 0.2), (0.58, 0.74, 0.26), (0.66, 0.78, 0.36))
 SUMMER = ((0.16, 0.4, 0.1), (0.24, 0.5, 0.12), (0.36, 0.56, 0.14))
 BLOSSOM = ((1.0, 0.78, 0.87), (0.98, 0.6, 0.75))
@@ -355,8 +355,10 @@ BRIGHTEST = 0.93
 
 
 def autumn(setting: Setting) -> ColorChange:
-    """Leaves from green gold over orange to brown, by clump and by leaf."""
-    turned = 0.5 + 0.3 * setting.noise(CLUMP, 11) + 0.14 * setting.noise(LEAF, 12)
+    """Leaves from green gold over orange to brown, by clump and by leaf; lawns fade to straw."""
+    turned = 0.5 + 0.25 * setting.noise(2 * CLUMP, 11) + 0.18 * setting.noise(LEAF, 12)
+    lawn = setting.sure * step(setting.rise, 0.7, 0.9)
+    turned = torch.lerp(turned, 0.15 * turned, lawn)
     return _leaves(setting, ramp_of(AUTUMN, turned), 0.96)
 
 

@@ -243,6 +243,8 @@ def _growth(row: Row) -> Growth:
 
 GROWTHS = {name: _growth(row) for name, row in TABLE["growths"].items()}
 """Growths by the names that sentences give them."""
+FALLS = {growth.weather: name for name, growth in GROWTHS.items() if growth.weather}
+"""Growths that come with a weather or season, by its name."""
 
 
 def growth_of(name: str, amount: float) -> Growth:
