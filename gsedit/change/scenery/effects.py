@@ -281,7 +281,8 @@ def snow(setting: Setting) -> ColorChange:
     soft = setting.noise(3 * LEAF, 1)
     lying = step(setting.rise + 0.1 * soft, 0.3, 0.62)
     dusted = step(setting.noise(LEAF, 2) + 0.8 * setting.rise, -0.5, 0.7)
-    share = setting.sure * lying + (1 - setting.sure) * 0.85 * dusted
+    loose = torch.maximum(1 - setting.sure, setting.foliage)  # a hedge is no wall
+    share = torch.lerp(lying, torch.maximum(lying, 0.85 * dusted), loose)
     share = share * step(setting.overhead, 0.12, 0.55)
     stems = setting.foliage * step(setting.noise(LEAF, 8), 0.2, 1.0)
     share = setting.found.surface.smoothed(share * (1 - 0.7 * stems), 1) * 0.97

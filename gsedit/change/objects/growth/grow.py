@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
 from math import ceil, sqrt, tau
+from typing import Any
 
 import numpy as np
 import torch
@@ -31,6 +32,7 @@ from gsedit.scene.quaternions import quaternions_of
 from gsedit.select.region import Region, coverage
 from gsedit.views.dataset import evenly_spaced
 from gsedit.views.orbit import perpendicular
+from gsedit.views.place import Place
 from gsedit.views.relief import Relief, relief_of, without_specks
 from gsedit.views.shadows import WIDE
 from rasterizer.camera import Camera
@@ -84,6 +86,21 @@ def covered(relief: Relief, share: Float[Tensor, "h w"], least: float) -> Bool[T
     small holes, and floaters, which are small pieces high above what is beside them."""
     lies = without_specks((share > least) & relief.there & ~relief.brinks)
     return ~without_specks(~lies) & relief.there & ~relief.brinks
+
+
+def firm(relief: Relief, place: Place) -> Bool[Tensor, "h w"]:
+    """Pixels of pieces of surface, between brinks, that are near the subject or wide as the ground:
+    other ones are leaves and floaters."""
+    from scipy import ndimage
+
+    found: Any = ndimage.label((relief.there & ~relief.brinks).numpy())
+    pieces = torch.from_numpy(found[0].astype(np.int64)).reshape(-1)
+    count = torch.bincount(pieces)
+    away = (relief.points - place.center).norm(dim=-1).reshape(-1) / place.distance
+    near = torch.bincount(pieces, away) / count.clamp_min(1) < NEAR
+    wide = count > WIDEST * count[1:].max() if len(count) > 1 else near
+    ragged = torch.nn.functional.avg_pool2d(relief.brinks.double()[None], 21, 1, 10)[0] > RAGGED
+    return near[pieces].reshape(ragged.shape) | wide[pieces].reshape(ragged.shape) & ~ragged
 
 
 def most_around(values: Float[Tensor, "h w"], reach: int) -> Float[Tensor, "h w"]:
@@ -244,9 +261,7 @@ def tufts(patch: Patch, growth: Growth, amount: float) -> Gaussians:
     hollow = step(spots.openness, 0.1, 0.8) * spots.mean(patch.site.setting.detail(1.0))
     colors = colors_of(spots, growth) * (0.4 + 0.7 * hollow)[:, None]
     thin = growth.opacity * (2 * patch.share[patch.lies]).clamp_max(1)
-    mat = discs(
-        spots.points, spots.normals, relief.axis, relief.pixel, thin, 0.72 * colors
-    )
+    mat = discs(spots.points, spots.normals, relief.axis, relief.pixel, thin, 0.72 * colors)
     generator = torch.Generator().manual_seed(1)
     count = len(spots)
     tilt = TUFT_TILT * torch.randn(count, 3, generator=generator).double()
@@ -408,6 +423,9 @@ MOST_NEW = 100_000
 """Gaussians that are added at most."""
 MOST_PIXELS = 400_000
 """Pixels of a map of the surface at most."""
+NEAR, WIDEST, RAGGED = 0.6, 0.25, 0.08
+"""Mean distance from the subject, in the cameras', within which any piece of a surface is covered
+from above, and the least area of others, in that of the largest."""
 FEWEST_ROWS = 4
 """Gaussians below which there is no surface."""
 SHOWN_GRAIN = 1.5
@@ -423,8 +441,8 @@ TAIL = 0.02
 """Share of the centers, on either side, that an extent leaves out."""
 HOLES = 8
 """Pixels of half a hole in a surface that is closed."""
-SLUMP = 1
-"""Pixels of half a bare spot that a layer slides over."""
+SLUMP, PITS = 4, 2
+"""Pixels around, of which most make it lie on a bare spot too; of half a pit that it closes."""
 THINNER = (1.0, 0.5, 0.25)
 """Thicknesses that are tried: on what is narrow, as a tail, a layer is as thin as it is wide."""
 LEAST_HEIGHT = 0.05
@@ -531,7 +549,7 @@ def _site(
     sun = None
     if inside is not None and not bool(inside.all()):  # of the shadows around what is inside
         sun = sun_of(scene, stance_of(scene[inside], scene[~inside], place.up))
-    return Site(setting, rows, max(size, 1e-9), sun)
+    return Site(setting, rows, max(size, 1e-9), sun, inside is None)
 
 
 def _patches(scene: Gaussians, site: Site, growth: Growth, amount: float) -> list[Patch]:
@@ -576,9 +594,11 @@ def _patch(
     """The patch of a growth on what is seen along one of the axes, and faces that axis most."""
     most = amount * growth.thickness * site.size
     wide = max(1, round(ROUND * most / pixel))
-    seen = relief_of(scene[site.rows], axes[which], pixel).filled(2 if growth.around else HOLES)
+    seen = relief_of(scene[site.rows], axes[which], pixel).filled(PITS if growth.around else HOLES)
     lowest = seen.heights[seen.there].amin() if bool(seen.there.any()) else 0.0
     heights = torch.where(seen.there, seen.heights, lowest)
+    if not growth.around:
+        heights = -most_around(-most_around(heights, PITS), PITS)
     bridged = -blanket(-heights, wide, most)
     bridged = torch.where(bridged - heights < most, bridged, heights)
     relief = seen.at(bridged).smoothed(growth.smooth)
@@ -587,7 +607,8 @@ def _patch(
     spots = site.spots(relief.points[relief.there], normals[relief.there])
     share = torch.zeros_like(relief.heights)
     share[relief.there] = growth.where(spots)
-    share = -most_around(-most_around(share, SLUMP), SLUMP) * own
+    around = torch.nn.functional.avg_pool2d(share[None], 2 * SLUMP + 1, 1, SLUMP)[0]
+    share = torch.maximum(share, around) * own
     heights = torch.where(relief.there, relief.heights, lowest)
     tops = (
         blanket(heights + part * most * share, max(1, round(part * wide)), part * most)
@@ -595,4 +616,6 @@ def _patch(
     )
     height = (reduce(torch.maximum, tops) - heights).clamp(0, most) * relief.there
     lies = covered(relief, share * (height > LEAST_HEIGHT * most), growth.edge)
+    if site.whole and not growth.around:
+        lies &= firm(relief, site.setting.found.place)
     return Patch(site, relief, lies, height * lies, share)

@@ -50,6 +50,8 @@ class Site:
     """Its extent, world units: thicknesses are shares of it."""
     sun: Sun | None = None
     """Sun that is told from the shadows around it."""
+    whole: bool = False
+    """Whether it is all of the scene, floaters and far leaves among it."""
 
     @cached_property
     def exposure(self) -> float:
@@ -161,7 +163,8 @@ def snowy(spots: Spots) -> Float[Tensor, " m"]:
     """Snow: on places that face up and are open above."""
     soft = 0.07 * spots.noise(0.06, 1) + 0.04 * spots.noise(0.02, 9)
     lying = step(spots.rise + soft, 0.5, 0.75)
-    return lying * step(spots.overhead, 0.1, 0.4) * spots.earthly
+    blown = spots.overhead * (1 + 3 * soft)  # below a roof: its border is no line
+    return lying * step(blown, 0.1, 0.4) * spots.earthly
 
 
 def dusty(spots: Spots) -> Float[Tensor, " m"]:
