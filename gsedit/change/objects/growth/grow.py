@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
 from math import ceil, sqrt, tau
-from typing import Any
 
 import numpy as np
 import torch
@@ -89,18 +88,12 @@ def covered(relief: Relief, share: Float[Tensor, "h w"], least: float) -> Bool[T
 
 
 def firm(relief: Relief, place: Place) -> Bool[Tensor, "h w"]:
-    """Pixels of pieces of surface, between brinks, that are near the subject or wide as the ground:
-    other ones are leaves and floaters."""
-    from scipy import ndimage
-
-    found: Any = ndimage.label((relief.there & ~relief.brinks).numpy())
-    pieces = torch.from_numpy(found[0].astype(np.int64)).reshape(-1)
-    count = torch.bincount(pieces)
-    away = (relief.points - place.center).norm(dim=-1).reshape(-1) / place.distance
-    near = torch.bincount(pieces, away) / count.clamp_min(1) < NEAR
-    wide = count > WIDEST * count[1:].max() if len(count) > 1 else near
-    ragged = torch.nn.functional.avg_pool2d(relief.brinks.double()[None], 21, 1, 10)[0] > RAGGED
-    return near[pieces].reshape(ragged.shape) | wide[pieces].reshape(ragged.shape) & ~ragged
+    """Pixels near the subject, and of wide pieces without many brinks, as the ground: what else is
+    far is leaves and floaters."""
+    near = (relief.points - place.center).norm(dim=-1) < NEAR * place.distance
+    smooth = relief.there & ~relief.brinks
+    torn = torch.nn.functional.avg_pool2d(relief.brinks.double()[None], 21, 1, 10)[0] > TORN
+    return near | without_specks(smooth, BROAD * float(smooth.sum())) & ~torn
 
 
 def most_around(values: Float[Tensor, "h w"], reach: int) -> Float[Tensor, "h w"]:
@@ -197,12 +190,6 @@ LITTER = 0.45
 """Area of the leaves against that of the ground, for the usual amount."""
 LEAF_TILT, LEAF_PILE = 0.22, 0.3
 """Standard deviation of a leaf's tilt, and how high leaves lie on each other, in their length."""
-
-
-def hidden(patch: Patch, growth: Growth) -> Float[Tensor, "h w"]:
-    """Share of each pixel that a growth hides."""
-    full = HIDING * growth.thickness * patch.site.size
-    return growth.opacity * patch.share * (patch.height / full).clamp(0, 1)
 
 
 def layer(patch: Patch, growth: Growth) -> Gaussians:
@@ -423,9 +410,9 @@ MOST_NEW = 100_000
 """Gaussians that are added at most."""
 MOST_PIXELS = 400_000
 """Pixels of a map of the surface at most."""
-NEAR, WIDEST, RAGGED = 0.6, 0.25, 0.08
-"""Mean distance from the subject, in the cameras', within which any piece of a surface is covered
-from above, and the least area of others, in that of the largest."""
+NEAR, BROAD, TORN = 0.6, 0.2, 0.08
+"""Distance from the subject, in the cameras', within which anything is covered from above; beyond
+it, the least share of a piece in the surface, and the share of brinks of what is torn."""
 FEWEST_ROWS = 4
 """Gaussians below which there is no surface."""
 SHOWN_GRAIN = 1.5
@@ -503,7 +490,9 @@ def _grown(
     share = torch.zeros(len(scene), dtype=torch.float64)
     if growth.hides:
         for patch in patches:
-            share = torch.maximum(share, buried(scene, patch, hidden(patch, growth)))
+            part = patch.height / (HIDING * growth.thickness * patch.site.size)
+            over = growth.opacity * patch.share * part.clamp(0, 1)
+            share = torch.maximum(share, buried(scene, patch, over))
     grown = concatenate(in_colors_of(before, share, new), new)
     if growth.hides:
         cleared = unveiled(grown, new, cameras)

@@ -16,7 +16,7 @@ from torch import Tensor
 
 from gsedit.change.light.relight import Surface, received, step
 from gsedit.change.objects.placing.daylight import Sun, shadow_of
-from gsedit.change.scenery.effects import Setting
+from gsedit.change.scenery.effects import Setting, ramp_of
 from gsedit.errors import UsageError
 from gsedit.scene.color_space import LUMINANCE
 from gsedit.scene.framing import weighted_quantile
@@ -35,6 +35,7 @@ BEST, LEAST_BEST = 0.9, 0.6
 dim all of a part alike."""
 BOUNCED = 0.2
 """Share of light that comes from what is around, wherever it is."""
+Rgb = tuple[float, float, float]
 NEAREST = 6
 """Gaussians around a place that say what is known of it."""
 
@@ -150,13 +151,10 @@ class Spots:
         level = 1 + strength * float(sun.direction @ self.site.up)
         return (even + strength * direct) / level
 
-    def shaded(
-        self, shade: tuple[float, ...], lit: tuple[float, ...], light: Float[Tensor, " m"]
-    ) -> Float[Tensor, "m 3"]:
+    def shaded(self, shade: Rgb, lit: Rgb, light: Float[Tensor, " m"]) -> Float[Tensor, "m 3"]:
         """Display colors of a surface that is of one color in the shade, of another in light."""
-        dark, bright = torch.tensor(shade).double(), torch.tensor(lit).double()
-        share = step(light, 0.35, 0.95)[:, None]
-        return (dark + share * (bright - dark)) * (light.clamp_min(0) ** (1 / GAMMA))[:, None]
+        colors = ramp_of((shade, lit), step(light, 0.35, 0.95))
+        return colors * (light.clamp_min(0) ** (1 / GAMMA))[:, None]
 
 
 def snowy(spots: Spots) -> Float[Tensor, " m"]:
@@ -198,7 +196,6 @@ def littered(spots: Spots) -> Float[Tensor, " m"]:
 
 LEAST, MOST = 0.1, 5.0
 """Range of the factor of a usual thickness."""
-Rgb = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
