@@ -74,8 +74,7 @@ class SceneCache:
 
 @contextmanager
 def cached(scene: Gaussians) -> Iterator[None]:
-    """Answer from a new cache of a scene in this thread until the context ends; from the one in use
-    if it is of that scene."""
+    """Answer from the cache in use, if it is of that scene, or a new one until the context ends."""
     place = _in_use.get()
     with (place if place and place.has(scene) else SceneCache(scene)).used():
         yield

@@ -22,7 +22,7 @@ from gsedit.change.light.relight import Survey, step, survey
 from gsedit.change.objects.growth.places import Growth, Site, Spots, growth_of
 from gsedit.change.objects.placing.daylight import sun_of
 from gsedit.change.objects.placing.stance import stance_of
-from gsedit.change.scenery.effects import Setting, in_scenery
+from gsedit.change.scenery.effects import AUTUMN, Setting, in_scenery
 from gsedit.errors import UsageError
 from gsedit.scene.framing import ends
 from gsedit.scene.neighbors import k_nearest
@@ -96,12 +96,6 @@ def firm(relief: Relief, place: Place) -> Bool[Tensor, "h w"]:
     return near | without_specks(smooth, BROAD * float(smooth.sum())) & ~torn
 
 
-def most_around(values: Float[Tensor, "h w"], reach: int) -> Float[Tensor, "h w"]:
-    """Largest value within `reach` rows and columns."""
-    wide = 2 * reach + 1
-    return torch.nn.functional.max_pool2d(values[None, None], wide, 1, reach)[0, 0]
-
-
 def blanket(heights: Float[Tensor, "h w"], wide: int, fall: float) -> Float[Tensor, "h w"]:
     """The highest surface under this one that is nowhere rounder than a pillow, which falls by
     `fall` within `wide` pixels: edges get round, and what is narrower goes (an opening by a
@@ -172,11 +166,6 @@ TUFT_TILT, TUFT_LONG, TUFT_WIDE = 0.45, 0.5, 0.4
 and its width in pixels, as standard deviations."""
 TUFT_UP = 0.35
 """Share of up in the direction of a tuft on a wall."""
-AUTUMN = (
-    (0.86, 0.55, 0.13), (0.8, 0.36, 0.1), (0.62, 0.2, 0.1), (0.72, 0.46, 0.16),
-    (0.5, 0.3, 0.14), (0.9, 0.7, 0.22), (0.42, 0.25, 0.13),
-)  # fmt: skip
-"""Display colors of fallen leaves."""
 LEAF = (
     # along, across, length, width, brightness: standard deviations, in leaf lengths
     (-0.42, 0.0, 0.10, 0.014, 0.5), (-0.24, 0.0, 0.07, 0.10, 0.86), (-0.1, 0.08, 0.09, 0.08, 1.0),
@@ -229,16 +218,13 @@ def blocks_of(
     return found
 
 
-WARM = (0.9, 0.5, 0.1)
-"""Share of the mottles a channel in what is brighter for some way: it is drier, too."""
-
-
 def colors_of(spots: Spots, growth: Growth) -> Float[Tensor, "m 3"]:
     """Display colors in the present light, mottled."""
     random = torch.randn(len(spots), generator=torch.Generator().manual_seed(0)).double()
     level = spots.rise.abs()  # discs are long where it is steep: mottles would be streaks
     mottle = 1 + growth.mottle * level * random.clamp(-2, 2)
-    patches = growth.mottle * spots.noise(0.05, 7)[:, None] * torch.tensor(WARM).double()
+    warm = torch.tensor((0.9, 0.5, 0.1)).double()  # what is brighter for some way is drier, too
+    patches = growth.mottle * spots.noise(0.05, 7)[:, None] * warm
     return spots.shaded(growth.shade, growth.lit, spots.light()) * (mottle[:, None] + patches)
 
 
@@ -493,10 +479,8 @@ def _grown(
             part = patch.height / (HIDING * growth.thickness * patch.site.size)
             over = growth.opacity * patch.share * part.clamp(0, 1)
             share = torch.maximum(share, buried(scene, patch, over))
+        new = unveiled(concatenate(in_colors_of(before, share, new), new), new, cameras)
     grown = concatenate(in_colors_of(before, share, new), new)
-    if growth.hides:
-        cleared = unveiled(grown, new, cameras)
-        grown = concatenate(in_colors_of(before, share, cleared), cleared)
     origin = torch.cat((torch.arange(len(scene)), torch.full((len(new),), NEW)))
     changed = torch.ones(len(grown), dtype=torch.bool)
     if around is scene:
@@ -587,7 +571,7 @@ def _patch(
     lowest = seen.heights[seen.there].amin() if bool(seen.there.any()) else 0.0
     heights = torch.where(seen.there, seen.heights, lowest)
     if not growth.around:
-        heights = -most_around(-most_around(heights, PITS), PITS)
+        heights = -blanket(-heights, PITS, 0.0)
     bridged = -blanket(-heights, wide, most)
     bridged = torch.where(bridged - heights < most, bridged, heights)
     relief = seen.at(bridged).smoothed(growth.smooth)
