@@ -17,7 +17,7 @@ from torch import Tensor
 from gsedit.app.frames import SMALL_SCENE
 from gsedit.app.loaded import DRAFT_PIXELS, Loaded, give_back
 from gsedit.app.reading import Reading, editor_2d, read
-from gsedit.change.objects.growth.places import GROWTHS
+from gsedit.change.objects.growth.places import FALLS
 from gsedit.editing.edit import change_steps
 from gsedit.editing.measure import Changed
 from gsedit.editing.parts import SUBJECT, aimed_at, find_parts
@@ -54,7 +54,7 @@ class Previewer:
     def is_partial(self, reading: Reading) -> bool:
         """Whether a preview for one view is quicker than that of the whole scene."""
         changes = reading.first.changes if reading.first is not None else ()
-        snows = [each.route == "scenery" and each.name in GROWTHS for each in changes]
+        snows = [each.route == "scenery" and each.name in FALLS for each in changes]
         return any(snows) or any(each.route in SLOW_ROUTES for each in changes)
 
     @torch.no_grad()

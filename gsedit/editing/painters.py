@@ -29,14 +29,14 @@ from gsedit.change.light.relight import relit
 from gsedit.change.materials.apply import in_material
 from gsedit.change.materials.kinds import material_of, paint_of
 from gsedit.change.objects.growth.grow import grow
-from gsedit.change.objects.growth.places import GROWTHS
+from gsedit.change.objects.growth.places import FALLS
 from gsedit.change.objects.placing.placement import Placement, RelativePlace, Side
 from gsedit.change.scenery.effects import SCENERIES, in_scenery
 from gsedit.editing.parts import Parts
 from gsedit.editing.plan import COPY, key_of, runs_of
 from gsedit.errors import Said, UsageError
 from gsedit.formats.scenes import load
-from gsedit.scene.cache import cached_per_scene
+from gsedit.scene.cache import cached, cached_per_scene
 from gsedit.scene.color_space import LUMINANCE
 from gsedit.scene.neighbors import nearest
 from gsedit.scene.outcome import Outcome
@@ -291,11 +291,11 @@ def paint_scenery(
     """Bring weather, seasons, water or a drawing over a part; over all, snow lies as a layer,
     but on groups."""
     (change,), inside = run, _inside(run[0], flags)
-    if change.name in GROWTHS and bool(inside.all()) and not looking.coarse:
+    if change.name in FALLS and bool(inside.all()) and not looking.coarse:
         shown = flags.get("shown", inside)
-        with suppress(UsageError):  # it may lie nowhere
+        with cached(scene), suppress(UsageError):  # it may lie nowhere
             some = None if shown.all() else shown
-            return grow(scene, change.name, cameras=looking.cameras, shown=some)
+            return grow(scene, FALLS[change.name], cameras=looking.cameras, shown=some)
     seen = looking.seen(scene)
     made = in_scenery(scene, change.name, looking.cameras, seen, inside)
     lit = SCENERIES[change.name].light is not None  # autumn brings none

@@ -72,6 +72,14 @@ class SceneCache:
         return promised.result()
 
 
+@contextmanager
+def cached(scene: Gaussians) -> Iterator[None]:
+    """Answer from the cache in use, if it is of that scene, or a new one until the context ends."""
+    place = _in_use.get()
+    with (place if place and place.has(scene) else SceneCache(scene)).used():
+        yield
+
+
 def cached_per_scene(
     function: Callable[Concatenate[Gaussians, P], T],
 ) -> Callable[Concatenate[Gaussians, P], T]:

@@ -162,14 +162,14 @@ def relief_of(part: Gaussians, axis: Float[Tensor, "3"], pixel: float) -> Relief
     return _cleaned(Relief(camera, points, depth > 0))
 
 
-def without_specks(flags: Bool[Tensor, "h w"]) -> Bool[Tensor, "h w"]:
-    """The pixels that are set, but for connected pieces of fewer than FEWEST."""
+def without_specks(flags: Bool[Tensor, "h w"], fewest: float = FEWEST) -> Bool[Tensor, "h w"]:
+    """The pixels that are set, but for connected pieces of fewer."""
     from scipy import ndimage
 
     found: Any = ndimage.label(flags.numpy())
     pieces = torch.from_numpy(found[0].astype(np.int64))
     sizes = torch.bincount(pieces.reshape(-1))
-    return flags & (sizes >= FEWEST)[pieces]
+    return flags & (sizes >= fewest)[pieces]
 
 
 def _cleaned(relief: Relief) -> Relief:

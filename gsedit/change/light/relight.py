@@ -25,9 +25,8 @@ from gsedit.change.light.kinds import Fog, Lamp, LightSetup, Sun
 from gsedit.scene.cache import cached_per_scene
 from gsedit.scene.color_space import LUMINANCE, lab_of_srgb, linear_of_srgb
 from gsedit.scene.framing import weighted_quantile
-from gsedit.scene.neighbors import nearest
 from gsedit.toolkit.grade import GAMMA
-from gsedit.views.normals import estimate_normals, neighbor_means, visible_area
+from gsedit.views.normals import estimate_normals, neighbor_means, rows_near, visible_area
 from gsedit.views.place import Place, place_of
 from gsedit.views.shadows import (
     OFFSET_PIXELS,
@@ -84,14 +83,14 @@ class Surface:
 
 def surface_of(scene: Gaussians, place: Place, cameras: Sequence[Camera]) -> Surface:
     """Normals of Gaussians and how much of the sky each sees."""
-    normals = estimate_normals(scene, cameras)
+    near = rows_near(scene.means.detach())
+    normals = estimate_normals(scene, cameras, None, near)
     unit = normals.directions.double()
     points = scene.means.detach().double()
     directions = sky_directions(place)
     occluders = casters(scene, place)
     reach = SKY_REACH * place.radius
     seen = open_share(occluders, place, points, directions, normals=unit, reach=reach)
-    near = torch.from_numpy(nearest(scene.means.detach().float().numpy())[1])
     return Surface(
         points, unit, normals.confidence.double(), near, directions, seen,
         occluders, place,

@@ -251,7 +251,8 @@ def watercolor(setting: Setting) -> ColorChange:
     paper = torch.tensor(PAPER).double()
     pooled = 1 - 0.45 * _lines(setting)
     wash = torch.lerp(vivid, paper.expand_as(vivid), thin.clamp(0, 0.8)[:, None])
-    return _veil((wash * pooled[:, None]).clamp(0, 1))
+    color = (wash * pooled[:, None]).clamp(0, 1)
+    return ColorChange(1.0, torch.ones_like(color), torch.ones(len(color)).double(), color)
 
 
 def _lines(setting: Setting) -> Float[Tensor, " n"]:
@@ -260,11 +261,6 @@ def _lines(setting: Setting) -> Float[Tensor, " n"]:
     near, far = surface.smoothed(setting.luminance, 1), surface.smoothed(setting.luminance, 6)
     ratio = (near + 0.005) / (far + 0.005)
     return step(ratio ** (1 / GAMMA), 0.97, 0.78)
-
-
-def _veil(color: Float[Tensor, "n 3"]) -> ColorChange:
-    """Other colors instead of the present ones."""
-    return ColorChange(1.0, torch.ones_like(color), torch.ones(len(color)).double(), color)
 
 
 WHITE_SNOW, BLUE_SNOW = (1.0, 1.01, 1.03), (0.64, 0.74, 0.9)
@@ -281,12 +277,13 @@ def snow(setting: Setting) -> ColorChange:
     soft = setting.noise(3 * LEAF, 1)
     lying = step(setting.rise + 0.1 * soft, 0.3, 0.62)
     dusted = step(setting.noise(LEAF, 2) + 0.8 * setting.rise, -0.5, 0.7)
-    share = setting.sure * lying + (1 - setting.sure) * 0.85 * dusted
+    loose = torch.maximum(1 - setting.sure, setting.foliage)  # a hedge is no wall
+    share = torch.lerp(lying, torch.maximum(lying, 0.85 * dusted), loose)
     share = share * step(setting.overhead, 0.12, 0.55)
     stems = setting.foliage * step(setting.noise(LEAF, 8), 0.2, 1.0)
     share = setting.found.surface.smoothed(share * (1 - 0.7 * stems), 1) * 0.97
     drifts = 1 + DRIFTS * setting.noise(3 * LEAF, 7)
-    color = _between(BLUE_SNOW, WHITE_SNOW, setting.lit(0.1, 0.7))
+    color = ramp_of((BLUE_SNOW, WHITE_SNOW), setting.lit(0.1, 0.7))
     color = color * (setting.detail(0.35) * drifts)[:, None]
     return _covered(setting, share, color, WINTER_SKY, 0.7, 0.9)
 
@@ -297,7 +294,7 @@ def frost(setting: Setting) -> ColorChange:
     leaves = 1 - 0.5 * setting.sure
     share = (0.35 + 0.65 * grain) * leaves * (0.35 + 0.65 * step(setting.rise, -0.1, 0.8))
     share = (1.5 * share * (0.3 + 0.7 * step(setting.overhead, 0.1, 0.6))).clamp_max(0.9)
-    color = _between((0.5, 0.64, 0.8), (0.86, 0.93, 0.99), setting.lit(0.15, 0.8))
+    color = ramp_of(((0.5, 0.64, 0.8), (0.86, 0.93, 0.99)), setting.lit(0.15, 0.8))
     return _covered(setting, share, color * setting.detail(0.5)[:, None], WINTER_SKY, 0.7, 0.96)
 
 
@@ -309,16 +306,9 @@ def desert(setting: Setting) -> ColorChange:
     ground = drift * (0.35 + 0.6 * low) * (0.3 + 0.7 * setting.sure)
     dry = 0.85 * setting.foliage
     share = 1 - (1 - ground) * (1 - dry) * (1 - 0.16)
-    color = _between(DARK_SAND, SAND, setting.lit(0.2, 0.9)) * setting.detail(0.6)[:, None]
+    color = ramp_of((DARK_SAND, SAND), setting.lit(0.2, 0.9)) * setting.detail(0.6)[:, None]
     ripples = 1 + 0.03 * setting.noise(LEAF, 6) * ground
     return _covered(setting, share, color * ripples[:, None], DESERT_SKY, 0.9, 1.0)
-
-
-def _between(
-    low: tuple[float, ...], high: tuple[float, ...], share: Float[Tensor, " n"]
-) -> Float[Tensor, "n 3"]:
-    first, last = torch.tensor(low).double(), torch.tensor(high).double()
-    return first + share[:, None] * (last - first)
 
 
 def _covered(
@@ -344,8 +334,8 @@ def _covered(
     return ColorChange(saturation, ones, veil, tint)
 
 
-AUTUMN = ((0.36, 0.34, 0.1), (0.86, 0.62, 0.1), (0.88, 0.44, 0.08), (0.7, 0.2, 0.08),
-          (0.5, 0.3, 0.14))  # fmt: skip
+AUTUMN = ((0.58, 0.46, 0.16), (0.94, 0.69, 0.16), (0.97, 0.5, 0.1), (0.8, 0.22, 0.09),
+          (0.55, 0.32, 0.15))  # fmt: skip
 SPRING = ((0.42, 0.62, 0.2), (0.58, 0.74, 0.26), (0.66, 0.78, 0.36))
 SUMMER = ((0.16, 0.4, 0.1), (0.24, 0.5, 0.12), (0.36, 0.56, 0.14))
 BLOSSOM = ((1.0, 0.78, 0.87), (0.98, 0.6, 0.75))
@@ -355,8 +345,10 @@ BRIGHTEST = 0.93
 
 
 def autumn(setting: Setting) -> ColorChange:
-    """Leaves from green gold over orange to brown, by clump and by leaf."""
-    turned = 0.5 + 0.3 * setting.noise(CLUMP, 11) + 0.14 * setting.noise(LEAF, 12)
+    """Leaves from green gold over orange to brown, by clump and by leaf; lawns fade to straw."""
+    turned = 0.5 + 0.25 * setting.noise(2 * CLUMP, 11) + 0.18 * setting.noise(LEAF, 12)
+    lawn = setting.sure * step(setting.rise, 0.7, 0.9)
+    turned = torch.lerp(turned, 0.15 * turned, lawn)
     return _leaves(setting, ramp_of(AUTUMN, turned), 0.96)
 
 
@@ -476,10 +468,10 @@ def in_scenery(
     if name not in SCENERIES:
         raise UsageError(f"there is no scenery {name!r}: choose one of {', '.join(SCENERIES)}")
     scenery = SCENERIES[name]
-    found = survey(scene, cameras, seen)
-    after = scenery.effect(Setting(scene, found, cameras)).applied(scene)
+    setting = Setting(scene, survey(scene, cameras, seen), cameras)
+    after = scenery.effect(setting).applied(scene)
     if scenery.light is not None:
-        after = relit_by(found, after, scenery.light)
+        after = relit_by(setting.found, after, scenery.light)
     if scenery.sheen is not None:
-        after = scenery.sheen(Setting(scene, found, cameras), after)
+        after = scenery.sheen(setting, after)
     return only_inside(scene, after, inside)

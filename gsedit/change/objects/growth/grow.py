@@ -22,7 +22,7 @@ from gsedit.change.light.relight import Survey, step, survey
 from gsedit.change.objects.growth.places import Growth, Site, Spots, growth_of
 from gsedit.change.objects.placing.daylight import sun_of
 from gsedit.change.objects.placing.stance import stance_of
-from gsedit.change.scenery.effects import Setting, in_scenery
+from gsedit.change.scenery.effects import AUTUMN, Setting, in_scenery
 from gsedit.errors import UsageError
 from gsedit.scene.framing import ends
 from gsedit.scene.neighbors import k_nearest
@@ -31,6 +31,7 @@ from gsedit.scene.quaternions import quaternions_of
 from gsedit.select.region import Region, coverage
 from gsedit.views.dataset import evenly_spaced
 from gsedit.views.orbit import perpendicular
+from gsedit.views.place import Place
 from gsedit.views.relief import Relief, relief_of, without_specks
 from gsedit.views.shadows import WIDE
 from rasterizer.camera import Camera
@@ -86,10 +87,13 @@ def covered(relief: Relief, share: Float[Tensor, "h w"], least: float) -> Bool[T
     return ~without_specks(~lies) & relief.there & ~relief.brinks
 
 
-def most_around(values: Float[Tensor, "h w"], reach: int) -> Float[Tensor, "h w"]:
-    """Largest value within `reach` rows and columns."""
-    wide = 2 * reach + 1
-    return torch.nn.functional.max_pool2d(values[None, None], wide, 1, reach)[0, 0]
+def firm(relief: Relief, place: Place) -> Bool[Tensor, "h w"]:
+    """Pixels near the subject, and of wide pieces without many brinks, as the ground: what else is
+    far is leaves and floaters."""
+    near = (relief.points - place.center).norm(dim=-1) < NEAR * place.distance
+    smooth = relief.there & ~relief.brinks
+    torn = torch.nn.functional.avg_pool2d(relief.brinks.double()[None], 21, 1, 10)[0] > TORN
+    return near | without_specks(smooth, BROAD * float(smooth.sum())) & ~torn
 
 
 def blanket(heights: Float[Tensor, "h w"], wide: int, fall: float) -> Float[Tensor, "h w"]:
@@ -157,16 +161,11 @@ BLOCKS, PLANE = (4, 2, 1), 0.998
 in them."""
 HIDING = 0.4
 """Share of the usual thickness at which a layer hides what is under it."""
-TUFT_TILT, TUFT_LONG, TUFT_WIDE = 0.45, 0.8, 0.4
+TUFT_TILT, TUFT_LONG, TUFT_WIDE = 0.45, 0.5, 0.4
 """Standard deviation of the tilt of a tuft against its normal; its length in the layer's thickness
 and its width in pixels, as standard deviations."""
 TUFT_UP = 0.35
 """Share of up in the direction of a tuft on a wall."""
-AUTUMN = (
-    (0.86, 0.55, 0.13), (0.8, 0.36, 0.1), (0.62, 0.2, 0.1), (0.72, 0.46, 0.16),
-    (0.5, 0.3, 0.14), (0.9, 0.7, 0.22), (0.42, 0.25, 0.13),
-)  # fmt: skip
-"""Display colors of fallen leaves."""
 LEAF = (
     # along, across, length, width, brightness: standard deviations, in leaf lengths
     (-0.42, 0.0, 0.10, 0.014, 0.5), (-0.24, 0.0, 0.07, 0.10, 0.86), (-0.1, 0.08, 0.09, 0.08, 1.0),
@@ -180,12 +179,6 @@ LITTER = 0.45
 """Area of the leaves against that of the ground, for the usual amount."""
 LEAF_TILT, LEAF_PILE = 0.22, 0.3
 """Standard deviation of a leaf's tilt, and how high leaves lie on each other, in their length."""
-
-
-def hidden(patch: Patch, growth: Growth) -> Float[Tensor, "h w"]:
-    """Share of each pixel that a growth hides."""
-    full = HIDING * growth.thickness * patch.site.size
-    return growth.opacity * patch.share * (patch.height / full).clamp(0, 1)
 
 
 def layer(patch: Patch, growth: Growth) -> Gaussians:
@@ -230,16 +223,18 @@ def colors_of(spots: Spots, growth: Growth) -> Float[Tensor, "m 3"]:
     random = torch.randn(len(spots), generator=torch.Generator().manual_seed(0)).double()
     level = spots.rise.abs()  # discs are long where it is steep: mottles would be streaks
     mottle = 1 + growth.mottle * level * random.clamp(-2, 2)
-    return spots.shaded(growth.shade, growth.lit, spots.light()) * mottle[:, None]
+    warm = torch.tensor((0.9, 0.5, 0.1)).double()  # what is brighter for some way is drier, too
+    patches = growth.mottle * spots.noise(0.05, 7)[:, None] * warm
+    return spots.shaded(growth.shade, growth.lit, spots.light()) * (mottle[:, None] + patches)
 
 
 def tufts(patch: Patch, growth: Growth, amount: float) -> Gaussians:
     """A mat of discs, and short tufts that stand out of it, some lighter than others."""
     relief, spots = patch.top, patch.spots(patch.top)
-    colors = colors_of(spots, growth)
-    mat = discs(
-        spots.points, spots.normals, relief.axis, relief.pixel, growth.opacity, 0.72 * colors
-    )
+    hollow = step(spots.openness, 0.1, 0.8) * spots.mean(patch.site.setting.detail(1.0))
+    colors = colors_of(spots, growth) * (0.4 + 0.7 * hollow)[:, None]
+    thin = growth.opacity * (2 * patch.share[patch.lies]).clamp_max(1)
+    mat = discs(spots.points, spots.normals, relief.axis, relief.pixel, thin, 0.72 * colors)
     generator = torch.Generator().manual_seed(1)
     count = len(spots)
     tilt = TUFT_TILT * torch.randn(count, 3, generator=generator).double()
@@ -401,6 +396,9 @@ MOST_NEW = 100_000
 """Gaussians that are added at most."""
 MOST_PIXELS = 400_000
 """Pixels of a map of the surface at most."""
+NEAR, BROAD, TORN = 0.6, 0.2, 0.08
+"""Distance from the subject, in the cameras', within which anything is covered from above; beyond
+it, the least share of a piece in the surface, and the share of brinks of what is torn."""
 FEWEST_ROWS = 4
 """Gaussians below which there is no surface."""
 SHOWN_GRAIN = 1.5
@@ -416,8 +414,8 @@ TAIL = 0.02
 """Share of the centers, on either side, that an extent leaves out."""
 HOLES = 8
 """Pixels of half a hole in a surface that is closed."""
-SLUMP = 1
-"""Pixels of half a bare spot that a layer slides over."""
+SLUMP, PITS = 4, 2
+"""Pixels around, of which most make it lie on a bare spot too; of half a pit that it closes."""
 THINNER = (1.0, 0.5, 0.25)
 """Thicknesses that are tried: on what is narrow, as a tail, a layer is as thin as it is wide."""
 LEAST_HEIGHT = 0.05
@@ -478,11 +476,11 @@ def _grown(
     share = torch.zeros(len(scene), dtype=torch.float64)
     if growth.hides:
         for patch in patches:
-            share = torch.maximum(share, buried(scene, patch, hidden(patch, growth)))
+            part = patch.height / (HIDING * growth.thickness * patch.site.size)
+            over = growth.opacity * patch.share * part.clamp(0, 1)
+            share = torch.maximum(share, buried(scene, patch, over))
+        new = unveiled(concatenate(in_colors_of(before, share, new), new), new, cameras)
     grown = concatenate(in_colors_of(before, share, new), new)
-    if growth.hides:
-        cleared = unveiled(grown, new, cameras)
-        grown = concatenate(in_colors_of(before, share, cleared), cleared)
     origin = torch.cat((torch.arange(len(scene)), torch.full((len(new),), NEW)))
     changed = torch.ones(len(grown), dtype=torch.bool)
     if around is scene:
@@ -524,7 +522,7 @@ def _site(
     sun = None
     if inside is not None and not bool(inside.all()):  # of the shadows around what is inside
         sun = sun_of(scene, stance_of(scene[inside], scene[~inside], place.up))
-    return Site(setting, rows, max(size, 1e-9), sun)
+    return Site(setting, rows, max(size, 1e-9), sun, inside is None)
 
 
 def _patches(scene: Gaussians, site: Site, growth: Growth, amount: float) -> list[Patch]:
@@ -569,9 +567,11 @@ def _patch(
     """The patch of a growth on what is seen along one of the axes, and faces that axis most."""
     most = amount * growth.thickness * site.size
     wide = max(1, round(ROUND * most / pixel))
-    seen = relief_of(scene[site.rows], axes[which], pixel).filled(HOLES)
+    seen = relief_of(scene[site.rows], axes[which], pixel).filled(PITS if growth.around else HOLES)
     lowest = seen.heights[seen.there].amin() if bool(seen.there.any()) else 0.0
     heights = torch.where(seen.there, seen.heights, lowest)
+    if not growth.around:
+        heights = -blanket(-heights, PITS, 0.0)
     bridged = -blanket(-heights, wide, most)
     bridged = torch.where(bridged - heights < most, bridged, heights)
     relief = seen.at(bridged).smoothed(growth.smooth)
@@ -580,7 +580,8 @@ def _patch(
     spots = site.spots(relief.points[relief.there], normals[relief.there])
     share = torch.zeros_like(relief.heights)
     share[relief.there] = growth.where(spots)
-    share = -most_around(-most_around(share, SLUMP), SLUMP) * own
+    around = torch.nn.functional.avg_pool2d(share[None], 2 * SLUMP + 1, 1, SLUMP)[0]
+    share = torch.maximum(share, around) * own
     heights = torch.where(relief.there, relief.heights, lowest)
     tops = (
         blanket(heights + part * most * share, max(1, round(part * wide)), part * most)
@@ -588,4 +589,6 @@ def _patch(
     )
     height = (reduce(torch.maximum, tops) - heights).clamp(0, most) * relief.there
     lies = covered(relief, share * (height > LEAST_HEIGHT * most), growth.edge)
+    if site.whole and not growth.around:
+        lies &= firm(relief, site.setting.found.place)
     return Patch(site, relief, lies, height * lies, share)

@@ -16,7 +16,7 @@ from torch import Tensor
 
 from gsedit.change.light.relight import Surface, received, step
 from gsedit.change.objects.placing.daylight import Sun, shadow_of
-from gsedit.change.scenery.effects import Setting
+from gsedit.change.scenery.effects import Setting, ramp_of
 from gsedit.errors import UsageError
 from gsedit.scene.color_space import LUMINANCE
 from gsedit.scene.framing import weighted_quantile
@@ -35,6 +35,7 @@ BEST, LEAST_BEST = 0.9, 0.6
 dim all of a part alike."""
 BOUNCED = 0.2
 """Share of light that comes from what is around, wherever it is."""
+Rgb = tuple[float, float, float]
 NEAREST = 6
 """Gaussians around a place that say what is known of it."""
 
@@ -50,6 +51,8 @@ class Site:
     """Its extent, world units: thicknesses are shares of it."""
     sun: Sun | None = None
     """Sun that is told from the shadows around it."""
+    whole: bool = False
+    """Whether it is all of the scene, floaters and far leaves among it."""
 
     @cached_property
     def exposure(self) -> float:
@@ -148,20 +151,18 @@ class Spots:
         level = 1 + strength * float(sun.direction @ self.site.up)
         return (even + strength * direct) / level
 
-    def shaded(
-        self, shade: tuple[float, ...], lit: tuple[float, ...], light: Float[Tensor, " m"]
-    ) -> Float[Tensor, "m 3"]:
+    def shaded(self, shade: Rgb, lit: Rgb, light: Float[Tensor, " m"]) -> Float[Tensor, "m 3"]:
         """Display colors of a surface that is of one color in the shade, of another in light."""
-        dark, bright = torch.tensor(shade).double(), torch.tensor(lit).double()
-        share = step(light, 0.35, 0.95)[:, None]
-        return (dark + share * (bright - dark)) * (light.clamp_min(0) ** (1 / GAMMA))[:, None]
+        colors = ramp_of((shade, lit), step(light, 0.35, 0.95))
+        return colors * (light.clamp_min(0) ** (1 / GAMMA))[:, None]
 
 
 def snowy(spots: Spots) -> Float[Tensor, " m"]:
     """Snow: on places that face up and are open above."""
     soft = 0.07 * spots.noise(0.06, 1) + 0.04 * spots.noise(0.02, 9)
     lying = step(spots.rise + soft, 0.5, 0.75)
-    return lying * step(spots.overhead, 0.1, 0.4) * spots.earthly
+    blown = spots.overhead * (1 + 3 * soft)  # below a roof: its border is no line
+    return lying * step(blown, 0.1, 0.4) * spots.earthly
 
 
 def dusty(spots: Spots) -> Float[Tensor, " m"]:
@@ -173,15 +174,11 @@ def dusty(spots: Spots) -> Float[Tensor, " m"]:
 
 
 def mossy(spots: Spots) -> Float[Tensor, " m"]:
-    """Moss: on damp places, which are low, in crevices or turned from the light, in clumps; more on
-    ledges than on walls, and none below."""
-    shade = step(spots.light() / spots.site.exposure, 0.9, 0.45)
-    crevices = step(spots.openness, 0.75, 0.3)
-    low = step(spots.height, 0.35, 0.02)
-    ledge = step(spots.rise, 0.1, 0.75)
-    damp = 0.5 * shade + 0.55 * crevices + 0.5 * low + 0.45 * ledge
-    clumps = 0.75 * damp + 0.2 * spots.noise(0.09, 3) + 0.1 * spots.noise(0.03, 4)
-    return step(clumps, 0.35, 0.6) * step(spots.rise, -0.35, 0.0) * spots.earthly
+    """Moss: over all that faces up or outward, in clumps that thin out downward; into crevices and
+    low places farther, and on none that faces down."""
+    damp = 0.3 * step(spots.openness, 0.75, 0.3) + 0.2 * step(spots.height, 0.35, 0.02)
+    clumps = spots.rise + damp + 0.25 * spots.noise(0.09, 3) + 0.12 * spots.noise(0.03, 4)
+    return step(clumps, -0.1, 0.35) * step(spots.rise, -0.6, -0.2) * spots.earthly
 
 
 def icy(spots: Spots) -> Float[Tensor, " m"]:
@@ -199,7 +196,6 @@ def littered(spots: Spots) -> Float[Tensor, " m"]:
 
 LEAST, MOST = 0.1, 5.0
 """Range of the factor of a usual thickness."""
-Rgb = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -247,6 +243,8 @@ def _growth(row: Row) -> Growth:
 
 GROWTHS = {name: _growth(row) for name, row in TABLE["growths"].items()}
 """Growths by the names that sentences give them."""
+FALLS = {growth.weather: name for name, growth in GROWTHS.items() if growth.weather}
+"""Growths that come with a weather or season, by its name."""
 
 
 def growth_of(name: str, amount: float) -> Growth:

@@ -18,11 +18,10 @@ from gsedit.change.objects.placing.stance import Stance
 from gsedit.scene.cache import cached_per_scene
 from gsedit.scene.color_space import LUMINANCE
 from gsedit.scene.merging import coarsen
-from gsedit.scene.neighbors import nearest
 from gsedit.scene.outcome import Outcome
 from gsedit.scene.quaternions import even_directions
 from gsedit.toolkit.grade import GAMMA
-from gsedit.views.normals import neighbor_means, shortest_axes, visible_area
+from gsedit.views.normals import neighbor_means, rows_near, shortest_axes, visible_area
 from gsedit.views.place import Place
 from gsedit.views.shadows import (
     SHARP,
@@ -313,7 +312,7 @@ def relit_elsewhere(
     """
     before = light.on_object(body, normals, rest)
     ratio = light.on_object(there, normals @ turn.T, rest) / before
-    near = torch.from_numpy(nearest(body.means.float().numpy())[1])
+    near = rows_near(body.means)
     return dimmed(there, neighbor_means(ratio, near, 3).clamp(*SHADE))
 
 
