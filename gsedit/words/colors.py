@@ -11,7 +11,7 @@ from jaxtyping import Float64
 
 from gsedit.errors import UsageError
 from gsedit.scene.color_space import lab_of_srgb, srgb_of_hex, srgb_of_lab
-from gsedit.words.lexicon import shades
+from gsedit.words.lexicon import shades, things
 
 TABLE = Path(__file__).with_name("colors.txt")
 LONGEST = 4
@@ -22,10 +22,7 @@ ISH = re.compile(r"^(\w+?)(d?d?ish|y)$")
 ROOTS = {"blu": "blue", "whit": "white", "purpl": "purple", "orang": "orange", "re": "red"}
 THINGS = frozenset(("sky", "grass", "leaf", "sea", "dirt", "sand", "stone", "brick"))
 """Names of a color that another color may be said of: "paint the sky purple"."""
-PLAIN = (
-    "red", "orange", "yellow", "green", "blue", "purple", "violet", "pink", "brown", "black",
-    "white", "grey", "gray",
-)  # fmt: skip
+PLAIN = frozenset(things("plain"))
 """Names of color that all others are said by."""
 
 

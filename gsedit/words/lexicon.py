@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import lru_cache
@@ -60,6 +61,15 @@ def things(kind: str) -> dict[str, str]:
     """Values by the phrases of a kind in `things.txt`, in the order of its rows."""
     rows = (row for row in rows_of(THINGS) if row[0] == kind)
     return {phrase: value for _, value, phrases in rows for phrase in phrases}
+
+
+@lru_cache
+def spans(kind: str, *more: str) -> str:
+    """A pattern of the phrases of a kind of `things.txt` and of more, the longest first."""
+    longest = sorted({*things(kind), *more}, key=lambda each: -len(each))
+    return "|".join(
+        re.escape(each.replace(" 's", "'s")).replace(r"\ ", "[ -]+") for each in longest
+    )
 
 
 def looks() -> dict[str, tuple[str, ...]]:

@@ -9,6 +9,7 @@ import re
 
 from gsedit.words.amounts import number_of
 from gsedit.words.instruction import Change, Place, Side
+from gsedit.words.lexicon import spans, things
 from gsedit.words.marks.marked import Asked
 from gsedit.words.phrases import IT
 from gsedit.words.refusals import Refused
@@ -22,22 +23,11 @@ FAR = {"": None, "little": 0.25, "much": 1.0}
 SIZES = (0.1, 10.0)
 """Factors that an object is scaled by."""
 MOST_COPIES = 20
-METRES = {
-    "mm": 0.001, "millimet": 0.001, "cm": 0.01, "centimet": 0.01, "in": 0.0254, "f": 0.3048,
-    "y": 0.9144, "m": 1.0,
-}  # fmt: skip
-"""Metres of a unit by the letters that it begins with."""
-UNIT = re.compile(
-    r"(?<![a-z])(mm|cm|m|millimet(?:er|re)s?|centimet(?:er|re)s?|met(?:er|re)s?|in|inch|inches|"
-    r"ft|foot|feet|yards?)\b"
-)
+METRES = {unit: float(metres) for unit, metres in things("metres").items()}
+UNIT = re.compile(rf"(?<![a-z])({spans('metres')})\b")
 TURNS: dict[str, float] = {"quarter": 90.0, "half": 180.0, "full": 360.0}
 """Degrees of a part of a turn."""
-AROUND = re.compile(
-    r"\b(?:around|round|other way|opposite|away|back|backwards?|behind|us|me|camera|viewer|face|"
-    r"facing|about)\b",
-    re.IGNORECASE,
-)
+AROUND = re.compile(rf"\b(?:{spans('half')})\b", re.IGNORECASE)
 """Words of a turn by half a circle."""
 CLOCKWISE = re.compile(
     r"\b(counter|anti|contra)?[ -]?clock ?wise\b|"
@@ -46,29 +36,16 @@ CLOCKWISE = re.compile(
     re.IGNORECASE,
 )
 """The way of a turn, and what turns it around."""
-WHERE: dict[str, Side] = {
-    "left": "left", "right": "right", "up": "up", "down": "down", "front": "forward",
-    "back": "back", "beside": "beside", "on": "on", "behind": "behind", "in front of": "front",
-    "left of": "left", "right of": "right",
-}  # fmt: skip
+WHERE: dict[str, Side] = things("where")  # type: ignore[assignment]
+"""The side of each way of the network."""
 SIDE_OF: dict[str, Side] = {"forward": "front", "back": "behind", "up": "on", "down": "on"}
 """Side of something for a way to go."""
-LED = re.compile(
-    r"^(?:.*?\b(?:of|on|onto|upon|to|behind|beside|near|by|in|into|inside|against|at|under|over|"
-    r"below|above|alongside|from|towards?|before|around))\s+(.+)$",
-    re.IGNORECASE | re.DOTALL,
-)
+LED = re.compile(rf"^(?:.*?\b(?:{spans('before')}))\s+(.+)$", re.IGNORECASE | re.DOTALL)
 """A place that ends with the phrase of what it is a side of."""
 SIDE_OF_IT = re.compile(r".*\b(?:left|right|front|back|rear|top|side) of (.+)$", re.IGNORECASE)
 """A place that says on which side of something it is."""
-UNREAL = re.compile(
-    r"^(?:the |its |his |her |their |all |any )*(?:shadows?|reflections?|glare|haze|noise|grain|"
-    r"blur)\b"
-)
+UNREAL = re.compile(rf"^(?:the |its |his |her |their |all |any )*(?:{spans('unreal')})\b")
 """Phrases of what is no object."""
-SAME = re.compile(
-    r"^(?:it|the (?:first|other|original|existing|old|same)(?: one)?|its|itself|this one|that one)$"
-)
 
 
 def action(asked: Asked, text: str, phrase: str) -> Change:
@@ -164,8 +141,7 @@ def _distance(asked: Asked) -> tuple[float | None, bool, bool]:
     if number is None:
         return FAR[asked.degree], False, False
     if unit := UNIT.search(said):
-        metres = next(value for name, value in METRES.items() if unit[1].startswith(name))
-        return number * metres, False, True
+        return number * METRES[unit[1]], False, True
     if "unit" in said or asked.after.lower().startswith("unit"):
         return number, True, False
     return (number / 100 if "%" in said else number), False, False
@@ -182,7 +158,7 @@ def place_of(asked: Asked) -> tuple[Side | None, str]:
     if side is None or led is None or own:
         return side, ""
     of = phrase(led[1])
-    return side, IT if SAME.match(of) else of
+    return side, IT if of in things("same") else of
 
 
 def inserted(file: str, asked: Asked) -> Change:

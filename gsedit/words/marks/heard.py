@@ -12,19 +12,15 @@ from functools import lru_cache
 
 from gsedit.words.amounts import DEFAULT
 from gsedit.words.instruction import Change
+from gsedit.words.lexicon import spans
 from gsedit.words.marks.marked import Asked, Marked, pieces, spelled, told
 from gsedit.words.marks.meaning import changes_of
+from gsedit.words.marks.values import plainly
 from gsedit.words.refusals import Refused
 from gsedit.words.scan import Word, scanned
 
-STAYS = re.compile(
-    r"\b(?:keep|keeping|kept|leave|leaving|preserve|spare|sparing|protect|except|excluding|exclude|"
-    r"excepting|untouched|unchanged|unaffected|stays?|staying|remains?|remaining|without touching|"
-    r"other than|apart from|save for|as (?:it|they) (?:is|are)|as is|hands off|"
-    r"(?:do not|don'?t|never|not) (?:touch|change|alter|affect|paint|color|colour)|"
-    r"(?:but|and|just|only) not (?:on |in |its |the |his |her )|everything but|all but|all save)\b",
-    re.IGNORECASE,
-)
+LET_BE = r"let (?:it|them|the \w+) be(?= *(?:$|[,;.!]|and |but ))"
+STAYS = re.compile(rf"\b(?:{spans('stays')}|{LET_BE})\b", re.IGNORECASE)
 """Words of what stays."""
 IDLE = re.compile(
     r"\b(?:leaves|keep it|keeping it|leave it|keep (?:going|on)|stay(?:s|ing)? (?:in|at|with)|"
@@ -57,23 +53,14 @@ INSTEAD = re.compile(
 """Words after which what is asked follows what is denied."""
 TOO = r"\btoo\b(?:\W+\w+){0,5}?\W+"
 """Words before a quality that there is too much of."""
-TURNED = re.compile(
-    r"\b(?:too|to(?= \w+$)|so|not|no|less|never|without|is|are|was|looks?|seems?|feels?|such|but|"
-    r"than|how|why|away|mean|rather|instead|half|reduce|lower|decrease|down|low|enough|fix|cure|kill|cut|lose|keep|stays?)\b|n't\b|'s\b",
-    re.IGNORECASE,
-)
+TURNED = re.compile(rf"\b(?:{spans('turned')}|to(?= \w+$))\b|n't\b|'s\b", re.IGNORECASE)
 """Words beside which a quality may be what there is too much of."""
 WHY = re.compile(r",? because (?:i|we) (?:like|love|want|prefer) (?:it|that)\W*$", re.IGNORECASE)
 """A reason at the end of a sentence."""
 CLAUSE = re.compile(r"[^|,;.:!?\n]+")
 TAKEN_BACK = re.compile(r"\b(?:no|wait|sorry|actually|hang on|i mean|rather)\b", re.IGNORECASE)
 """Words that take back what is before them."""
-TELLS = re.compile(
-    r"\b(?:no|not|from|instead|rather|than|never|too|stays?|keep|leave|left|leaving|remains?|original|"
-    r"current|already|said|says|reads?|looks?|feels?|has|had|have|is|was|are|were|be|as|like|that|"
-    r"because|enough|if|when|would|dont|ones?|things?)\b|'(?:s|m|ve|t)\b",
-    re.IGNORECASE,
-)
+TELLS = re.compile(rf"\b(?:{spans('tells')})\b|'(?:s|m|ve|t)\b", re.IGNORECASE)
 """Words of a clause that only tells what there is."""
 QUALITIES = ("color", "material", "light", "look", "style", "growth", "finish")
 """Kinds of words that say what something becomes."""
@@ -175,7 +162,7 @@ def _lost(word: Word, made: str, *, toned: bool) -> bool:
 def heard(text: str, files: Sequence[str] = ()) -> tuple[tuple[Change, ...], bool, tuple[str, ...]]:
     """(changes that the network marks in a text, in which a noun stands for each of `files`;
     whether they are sure; words that are in none). Raises Refused."""
-    text = WHY.sub("", spelled(text))
+    text = WHY.sub("", spelled(plainly(text)))
     said = marked(text)
     if denied(said):
         raise Refused("negation")

@@ -172,24 +172,14 @@ QUALITY = re.compile(
 )
 """Words for a quality behind a thing that stays: "the cake's brightness"."""
 OWNED = re.compile(r"^(?:the|my|our|your|his|her|its|their|this|that|these|those) ")
-PRONOUN = re.compile(
-    r"^(?:it|him|her|them|this|that|these|those|itself|"
-    r"(?:the )?(?:subject|main thing|main object))$"
-)
+PRONOUN = re.compile(rf"^(?:{lexicon.spans('about')})$")
 """Phrases of what the sentence is about."""
-
-
 BACKGROUND = re.compile(
     r"^(?:the |whole |entire |my |all )*"
-    r"(?:background|backdrop|bg|surroundings?|environment|scenery|"
-    r"rest(?: of (?:it|them|the .*))?|everything else|all else|nothing else|anything else|others?|"
-    r"everything around (?:it|the .*))$"
+    rf"(?:{lexicon.spans('around')}|(?:rest of|everything around) the .*)$"
 )
 """Phrases of what surrounds the subject."""
-WHOLE = re.compile(
-    r"^(?:the |whole |entire |this |full )*(?:scene|picture|photo|photograph|image|everything|"
-    r"it all|shot|frame|view|render|all(?: of it)?|whole thing|capture|scan)$"
-)
+WHOLE = re.compile(rf"^(?:the |whole |entire |this |full )*(?:{lexicon.spans('whole')})$")
 """Phrases of all that is there."""
 
 

@@ -6,6 +6,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 
+from gsedit.words import colors
 from gsedit.words.amounts import DEFAULT, SLIGHT, STRONG, amount_of, tone
 from gsedit.words.called import NUMBERED
 from gsedit.words.instruction import MOST, Change
@@ -44,12 +45,6 @@ LONG = re.compile(
     re.IGNORECASE | re.DOTALL,
 )
 """Shadows of a low sun."""
-SHORT = re.compile(
-    r"^(?!.*(?:\b(?:too|less|not?|never|long|longer|lengthen)\b|n't\b))"
-    r".*(?:\bshort(?:er|en)?(?: \w+){0,2} shadow|\bshadows? (?:\w+ )?short)",
-    re.IGNORECASE | re.DOTALL,
-)
-"""Shadows of a high sun."""
 LIT = re.compile(r"\b(?:only|just|alone|solely)\b", re.IGNORECASE)
 """Words that make of a light on a thing a light on that thing alone."""
 
@@ -107,8 +102,6 @@ def _refuse_two(changes: Sequence[Change]) -> None:
 def _sun(asked: Asked, said: Marked) -> Change | None:
     """The light that the length of shadows asks for; None where one is named beside it."""
     text, toned = said.text, (asked.deed, asked.tone) == ("tone", "shadows")
-    if toned and SHORT.search(text) and len(said.asked) == 1:
-        return values.light("noon")
     if not (toned or asked.deed in ("light", "other")) or not LONG.search(text):
         return None
     named = None if LONG.search(asked.name) else values.light(asked.name)
@@ -154,6 +147,7 @@ def _change(asked: Asked, text: str) -> Change:
         found = found if asked.value_sure < values.SEAL else None
     if found is None and UNREAL.match(asked.name):
         raise Refused("unreal")
+    found = found or values.whole(asked.name)
     if found is None and (asked.deed != "look" or not asked.name):
         found = values.meant(asked.value, asked.value_sure, asked.deed, asked.side, asked.degree)
     if found is None:
@@ -168,6 +162,9 @@ def led(name: str, text: str) -> str:
     if f"{name} finish" in text and values.finish(f"{name} finish"):
         return f"{name} finish"
     before = text[: text.find(name)].split() if name and name in text else []
+    longer = (" ".join([*before[-count:], name]) for count in (3, 2, 1) if before[count - 1 :])
+    if found := next((each for each in longer if colors.named(each.lower())), ""):
+        return found
     while before and (word := scanned(before[-1])) and len(word) == 1:
         if word[0].kind != "finish" and not word[0].has("shade"):
             break

@@ -23,10 +23,7 @@ SURFACE = re.compile(r"\b(?:an?|very|more|look|surface|finish|sheen)\b")
 """Words beside that of a finish which name no material."""
 GLOW = "glow"
 """Material of any color."""
-FROM = {
-    "left": "from the left", "right": "from the right", "behind": "from behind",
-    "front": "from the front", "above": "above",
-}  # fmt: skip
+FROM = lexicon.things("from")
 """Words of a light's name for the side that it comes from."""
 THICKER = {"little": -0.5, "much": 1.0}
 """Shares that a layer is thinner or thicker than usual."""
@@ -36,6 +33,13 @@ STRONGER = {"little": -0.4, "much": 0.5}
 """Shares that a light is weaker or stronger than usual."""
 SEAL = 0.5
 """Least probability of a name that the words do not say."""
+VERB = r"(?<!\bi )(?<!\bwe )(?<!ou )(?<!hey )(?<!not )(?<!n't )(?<!ld )(?<!'d )(?<!ly )"
+"""No "like" of one who likes a thing."""
+LIKE = (
+    rf"{VERB}\b(?:like|(?:in )?(?:the )?colou?r of) (?:(?:an?|the|my|some) )?(?:{{}} )??({{}}){{}}"
+)
+"""A thing that something is like, behind words that say no more of it, at the end of a clause."""
+END = r"(?=$|[,.;!]| (?:please|but|and|with|only|not)\b)"
 
 
 @lru_cache(8)
@@ -57,6 +61,40 @@ def told_by(kind: str, name: str) -> str:
         for start in range(len(words) - size + 1)
     )
     return next((facts[each] for each in spans if each in facts), "")
+
+
+def plainly(text: str) -> str:
+    """A text in words that the network knows, for those of dialect and of trades, for what things
+    are like, and where it is but a name."""
+
+    def plain(found: re.Match[str]) -> str:
+        words = re.sub(r"(?<=\w)[ -]+", " ", found[found.lastindex or 0].lower())
+        if found.lastindex:
+            return f"like {lexicon.things('like').get(words) or told_by('material', words)}"
+        return lexicon.things("said")[words]
+
+    solid = (each for each in _facts("material") if lexicon.entries()[each].kind == "material")
+    like = LIKE.format(
+        "(?:real|old|new|ripe|cheap|shiny|proper|big)", lexicon.spans("like", *solid), END
+    )
+    for pattern in (rf"(?<![\w-])(?:{lexicon.spans('said')})(?![\w-])", like):
+        text = re.sub(pattern, plain, text, flags=re.IGNORECASE)
+    alone = None if "?" in text else _alone(text)
+    frame = lexicon.things("frame").get(alone.kind) if alone else None
+    return frame.format(alone.value) if alone and frame else text
+
+
+def _alone(text: str) -> Word | None:
+    """The one word of a text beside those without which it would say the same; None for more."""
+    words = [w for w in scanned(text) if w.kind != "mark" and w.text not in lexicon.things("bare")]
+    return words[0] if len(words) == 1 else None
+
+
+def whole(name: str) -> Change | None:
+    """The material, light or look that words are the name of, and nothing else; None for others."""
+    word = _alone(name)
+    make = {"material": material, "light": light, "look": look, "style": look}
+    return make[word.kind](word.text) if word and word.kind in make else None
 
 
 def material(name: str) -> Change | None:
