@@ -18,7 +18,6 @@ from gsedit.capture.fitting.update import Target, crops_needed, update_steps
 from gsedit.errors import InputError
 from gsedit.paper.edit_views import edit_views
 from gsedit.paper.evaluate import measure_progress
-from gsedit.paper.protocol import StylePainter
 from gsedit.paper.session import Session, region_masks, seen_gaussians
 from gsedit.run.events import Event
 from gsedit.views.dataset import View
@@ -151,13 +150,13 @@ class Solve:
         optimizer, targets = progress.optimizer, _edited(session)
         with progress.stopwatch.stage("update"):
             optimizer.raise_negative_colors(inside)
-            start, views = optimizer.scene.detach().map(torch.clone), list(targets.values())
+            start, views = optimizer.scene.detach(), list(targets.values())
             how: dict[str, Any] = {}
             if request.keeps_strokes:
                 how["shares"] = _leading_shares(session, start, targets)
                 how["band_penalty"] = inf  # a stroke looks the same from all sides
-                drawn = isinstance(request.editor, StylePainter) and request.editor.draws
-                start.sh[inside, 0 if drawn else 1 :] = 0
+                start = replace(start, sh=start.sh.clone())
+                start.sh[inside, 0 if request.draws else 1 :] = 0
             else:
                 how["penalty"] = trusting_penalty(start, views, inside)
             solved = list(solve_colors(start, views, inside, **how))

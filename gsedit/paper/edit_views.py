@@ -272,7 +272,7 @@ def batch_of(
         anchored=torch.tensor([i in anchors for i in members]),
         subject=_subject(session, [cameras[i] for i in members]),
         seed=session.progress.noise_seed,
-        depths=_depths(session, members) if isinstance(request.editor, StylePainter) else None,
+        depths=_depths(session, members) if request.draws else None,
     )
 
 

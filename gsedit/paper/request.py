@@ -103,9 +103,14 @@ class Request:
     def keeps_strokes(self) -> bool:
         """Whether the scene is fitted to the strokes of a view where that leads, see
         gsedit.capture.fitting.strokes."""
-        draws, camera = isinstance(self.editor, StylePainter), self.every_view[0].camera
+        paints, camera = isinstance(self.editor, StylePainter), self.every_view[0].camera
         tiny = min(camera.width, camera.height) < MIN_SIDE  # the features of strokes see nothing
-        return self.solves and draws and not tiny and self.settings.update.strokes > 0
+        return self.solves and paints and not tiny and self.settings.update.strokes > 0
+
+    @property
+    def draws(self) -> bool:
+        """Whether the editor draws on paper: it sees depths, and no color of the scene stays."""
+        return isinstance(self.editor, StylePainter) and self.editor.draws
 
     @property
     def every_view(self) -> tuple[View, ...]:

@@ -56,7 +56,7 @@ class PixelCache:
             camera,
             cast(Any, lambda: _unit(self._levels(picture).image)),
             cast(Any, lambda: self._levels(picture).mask),
-            cast(Any, lambda: _unit_or_none(self._levels(picture).alpha)),
+            cast(Any, lambda: None if (a := self._levels(picture).alpha) is None else _unit(a)),
             lens,
         )
 
@@ -165,7 +165,3 @@ def _bytes(values: Float[Tensor, "*s"]) -> UInt8[Tensor, "*s"]:
 
 def _unit(levels: UInt8[Tensor, "*s"]) -> Float[Tensor, "*s"]:
     return levels.float() / 255
-
-
-def _unit_or_none(levels: UInt8[Tensor, "*s"] | None) -> Float[Tensor, "*s"] | None:
-    return None if levels is None else _unit(levels)

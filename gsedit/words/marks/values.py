@@ -35,11 +35,12 @@ SEAL = 0.5
 """Least probability of a name that the words do not say."""
 VERB = r"(?<!\bi )(?<!\bwe )(?<!ou )(?<!hey )(?<!not )(?<!n't )(?<!ld )(?<!'d )(?<!ly )"
 """No "like" of one who likes a thing."""
+END = r"(?=$|[,.;!]| (?:please|but|and|with|only|not)\b)"
 LIKE = (
-    rf"{VERB}\b(?:like|(?:in )?(?:the )?colou?r of) (?:(?:an?|the|my|some) )?(?:{{}} )??({{}}){{}}"
+    rf"{VERB}\b(?:like|(?:in )?(?:the )?colou?r of) (?:(?:an?|the|my|some) )?"
+    rf"(?:(?:real|old|new|ripe|cheap|shiny|proper|big) )??({{}}){END}"
 )
 """A thing that something is like, behind words that say no more of it, at the end of a clause."""
-END = r"(?=$|[,.;!]| (?:please|but|and|with|only|not)\b)"
 
 
 @lru_cache(8)
@@ -74,9 +75,7 @@ def plainly(text: str) -> str:
         return lexicon.things("said")[words]
 
     solid = (each for each in _facts("material") if lexicon.entries()[each].kind == "material")
-    like = LIKE.format(
-        "(?:real|old|new|ripe|cheap|shiny|proper|big)", lexicon.spans("like", *solid), END
-    )
+    like = LIKE.format(lexicon.spans("like", *solid))
     for pattern in (rf"(?<![\w-])(?:{lexicon.spans('said')})(?![\w-])", like):
         text = re.sub(pattern, plain, text, flags=re.IGNORECASE)
     alone = None if "?" in text else _alone(text)
