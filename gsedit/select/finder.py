@@ -175,7 +175,9 @@ class Finder:
             return replace(found, inside=cut_out(self.scene, self.cameras, found.inside))
 
         def main() -> Bool[Tensor, " n"] | None:
-            return None if self.subject.is_all else self.subject.inside
+            asked = "thing(" in self.region and self.region not in self._known  # by the region itself
+            subject = self.find_subject() if asked else self.subject
+            return None if subject.is_all else subject.inside
 
         found = find_phrase(phrase, self.scene, self.cameras, known, main, masks)
         if known is None or known.labels[found.inside].max() >= len(known.objects):

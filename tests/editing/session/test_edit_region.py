@@ -97,6 +97,11 @@ def moved(result, labelled):
     return (result.scene.sh != labelled.gaussians.sh).flatten(1).any(1)
 
 
+def test_a_region_may_be_a_phrase(labelled, data):
+    found = finder(labelled, data, "thing('the statue')").subject.inside
+    assert (found & labelled.subject).sum() > 0.9 * (found | labelled.subject).sum()
+
+
 def test_what_is_outside_a_sphere_stays(labelled, data, tmp_path):
     result = run(labelled, data, "sphere:0,0,0,0.2")
     inside = labelled.gaussians.means.norm(dim=1) <= 0.2
