@@ -27,7 +27,7 @@ import numpy as np
 from PIL import Image
 
 ROOT = Path(__file__).parents[2]
-LINE = re.compile(r"^(?: {4}|\$ )?((?:gsedit|docker|pip|make|git) .+)", re.MULTILINE)
+LINE = re.compile(r"^(?: {4}|\$ )?((?:gsedit(?! is)|docker|pip|make|git) .+)", re.MULTILINE)
 """A command at the beginning of a line: in a fence, or indented."""
 OTHERS = re.compile(r"^```(?!sh|bash|console|\n).*?^```", re.MULTILINE | re.DOTALL)
 """Fences of other languages."""
@@ -37,8 +37,7 @@ SIZE = 480
 LIMIT = 300.0
 """Seconds that a command may take."""
 SHORTER = {"fit": ["--steps", "150", "--minutes", "60", "--force"]}
-"""Options that make a verb short: steps, and minutes that never end it, since a schedule by
-seconds differs between two runs."""
+"""Options that make a verb short; a schedule by seconds would differ between two runs."""
 SKIPPED = (
     (r"(?!gsedit )", "not gsedit"),
     (r"gsedit (app|mcp)\b", "a server, or about this machine"),
@@ -47,6 +46,7 @@ SKIPPED = (
     (r".*(https?://|--masks )", "needs a server, or weights"),
 )
 MADE = {
+    "out/edit": 'edit {} "as a bronze statue" --data photos/ -o out/edit',
     "out/bronze": 'edit {} "as a bronze statue" --data photos/ -o out/bronze',
     "views.json": "metrics {} --against photos/ --save-views views.json",
     "region.npy": "select {} --region auto -o region.npy",
@@ -140,7 +140,7 @@ def prepare(words: list[str], work: Path, scene: Path, photos: Path) -> None:
                 (work / word).unlink()
             continue
         for name, command in MADE.items():
-            if word in (name, f"{name}/region.npy") and not (work / name).exists():
+            if name in (word, *map(str, Path(word).parents)) and not (work / name).exists():
                 gsedit(shlex.split(command.format(scene)), work)
         if re.fullmatch(r"\w+\.ply", word) and not (work / word).exists():
             shutil.copyfile(scene, work / word)
