@@ -92,6 +92,8 @@ def colors(sh: Float[Tensor, "n k 3"], directions: Float[Tensor, "n 3"]) -> Floa
     """Color 0.5 + sum_k Y_k sh_k, not below 0; `directions` need not be unit length."""
     degree = isqrt(sh.shape[1]) - 1
     if degree == 0:  # the direction does not matter: leave it out
-        return sh_to_color(sh[:, 0]).clamp_min(0)
-    unit = torch.nn.functional.normalize(directions, dim=-1)
-    return (0.5 + torch.einsum("nk,nkc->nc", basis(unit, degree), sh)).clamp_min(0)
+        color = sh_to_color(sh[:, 0])
+    else:
+        unit = torch.nn.functional.normalize(directions, dim=-1)
+        color = 0.5 + torch.einsum("nk,nkc->nc", basis(unit, degree), sh)
+    return torch.where(color < 0, 0.0, color)  # black keeps its slope; of a clamp, not since 2.14

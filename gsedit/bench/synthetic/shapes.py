@@ -51,7 +51,8 @@ def box(half_sides: Triple, rounding: float = 0.0) -> Sdf:
     def distance(points: Points) -> Distances:
         x, y, z = (c.abs() - side for c, side in zip(points.unbind(-1), inner))
         outside = length(x.clamp_min(0), y.clamp_min(0), z.clamp_min(0))
-        inside = torch.maximum(x, torch.maximum(y, z)).clamp_max(0)
+        inside = torch.maximum(x, torch.maximum(y, z))
+        inside = torch.where(inside > 0, 0.0, inside)  # at 0 a clamp has no slope, since torch 2.14
         return outside + inside - rounding
 
     return distance
@@ -87,7 +88,8 @@ def cylinder(radius: float, half_height: float, rounding: float = 0.0) -> Sdf:
         x, y, z = points.unbind(-1)
         radial = length(x, y) - (radius - rounding)
         axial = z.abs() - (half_height - rounding)
-        inside = torch.maximum(radial, axial).clamp_max(0)
+        inside = torch.maximum(radial, axial)
+        inside = torch.where(inside > 0, 0.0, inside)
         return length(radial.clamp_min(0), axial.clamp_min(0)) + inside - rounding
 
     return distance
