@@ -175,8 +175,8 @@ class Finder:
             return replace(found, inside=cut_out(self.scene, self.cameras, found.inside))
 
         def main() -> Bool[Tensor, " n"] | None:
-            asked = "thing(" in self.region and self.region not in self._known  # by the region itself
-            subject = self.find_subject() if asked else self.subject
+            own = "thing(" in self.region and self.region not in self._known  # the region asks
+            subject = self.find_subject() if own else self.subject
             return None if subject.is_all else subject.inside
 
         found = find_phrase(phrase, self.scene, self.cameras, known, main, masks)
