@@ -27,7 +27,6 @@ from gsedit.pictures.contact_sheet import contact_sheet
 from gsedit.run.events import returned
 from gsedit.scene.merging import MergedScene
 from gsedit.scene.outcome import same
-from gsedit.scene.picture import render_picture
 from gsedit.select.finder import Finder, Names
 from gsedit.select.region import Region, coverage, lift
 from gsedit.views.dataset import View, evenly_spaced
@@ -37,6 +36,7 @@ from gsedit.words.instruction import Instruction
 from gsedit.words.phrases import IT
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution, ruled, under
+from rasterizer.render import render_picture
 from rasterizer.scene import Gaussians
 
 SEARCHED_VIEWS = 6

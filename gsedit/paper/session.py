@@ -20,13 +20,12 @@ from gsedit.paper.request import Request
 from gsedit.paper.view_plan import ViewPlan
 from gsedit.run.stopwatch import Stopwatch
 from gsedit.scene.framing import bounds
-from gsedit.scene.picture import render_picture
 from gsedit.select.region import Region, coverage, everything
 from gsedit.views.dataset import View
 from gsedit.views.image_ops import downscale
 from rasterizer.blending.choose import is_compiled
 from rasterizer.camera import Camera
-from rasterizer.render import Rendering, render
+from rasterizer.render import Rendering, render, render_picture
 from rasterizer.scene import Gaussians
 
 

@@ -10,7 +10,7 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING or "jaxtyping" in sys.modules:
-    from jaxtyping import Bool, Float, Float32, Float64, Int
+    from jaxtyping import Bool, Float, Float32, Float64, Int, Int64
 else:
 
     class Unchecked:
@@ -19,6 +19,6 @@ else:
         def __class_getitem__(cls, item: Any) -> Any:
             return item[0]
 
-    Bool = Float = Float32 = Float64 = Int = Unchecked
+    Bool = Float = Float32 = Float64 = Int = Int64 = Unchecked
 
-__all__ = ["Bool", "Float", "Float32", "Float64", "Int"]
+__all__ = ["Bool", "Float", "Float32", "Float64", "Int", "Int64"]

@@ -11,9 +11,10 @@ from splat_tables import random_table
 
 from gsedit import View
 from gsedit.errors import InputError, UsageError
+from gsedit.scene.neighbors import cluster_labels
 from gsedit.scene.table import SplatTable, gaussians_of
 from gsedit.select import Finder
-from gsedit.select.kinds import cluster_labels, grow, middle, shrink
+from gsedit.select.kinds import grow, middle, shrink
 from gsedit.toolkit import filter, select, where
 from gsedit.views.cameras_json import read_cameras, write_cameras
 from rasterizer import Camera, look_at
