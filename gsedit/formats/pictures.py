@@ -160,8 +160,8 @@ def _unit(picture: Image.Image, size: tuple[int, int] | None) -> Float[Tensor, "
     return torch.from_numpy(np.array(picture)).float() / 255
 
 
-def color_at(text: str) -> tuple[float, float, float]:
-    """Red, green and blue, 0 to 1, of a pixel named as `PICTURE@COLUMN,ROW`.
+def color_at(text: str) -> Float[np.ndarray, "3"]:
+    """Color, 0 to 1, of a pixel named as `PICTURE@COLUMN,ROW`.
 
     Raises UsageError for another text or a pixel outside, InputError for no picture.
     """
@@ -176,5 +176,4 @@ def color_at(text: str) -> tuple[float, float, float]:
     height, width = shown.shape[:2]
     if not (0 <= column < width and 0 <= row < height):
         raise UsageError(f"color {text}: the picture has {width}x{height} pixels, from 0,0")
-    red, green, blue = (shown[row, column] / 255).tolist()
-    return red, green, blue
+    return shown[row, column] / 255

@@ -1,4 +1,4 @@
-"""jaxtyping's array types for the modules that `info`, `convert` and `filter` import at once.
+"""jaxtyping's array types, and torch's, for modules that commands and a shell's Tab import at once.
 
 To import jaxtyping takes 0.08 s, a fifth of what a command may take to start; where nothing checks
 types, nobody reads the annotations. Whoever checks them has imported it before.
@@ -21,4 +21,9 @@ else:
 
     Bool = Float = Float32 = Float64 = Int = Int64 = Unchecked
 
-__all__ = ["Bool", "Float", "Float32", "Float64", "Int", "Int64"]
+if TYPE_CHECKING or "torch" in sys.modules:
+    from torch import Tensor
+else:
+    Tensor = Any
+
+__all__ = ["Bool", "Float", "Float32", "Float64", "Int", "Int64", "Tensor"]

@@ -7,7 +7,6 @@ are degrees about x, then y, then z. The surface of a volume is inside.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import lru_cache
@@ -46,7 +45,7 @@ def flags(path: str) -> Selection:
 def near(color: str, difference: float = 10.0) -> Selection:
     """Select colors that differ by at most `difference` (CIE 1976, in Lab) from #rrggbb, or from a
     pixel given as `photo.jpg@COLUMN,ROW`: 2 is just noticeable, 10 a shade, 30 another hue."""
-    picked = lab_of_srgb(np.array([parse_color(color)]))
+    picked = lab_of_srgb(parse_color(color))
     check_positive("near", "difference", difference)
 
     def mask(table: SplatTable) -> Flags:
@@ -56,8 +55,8 @@ def near(color: str, difference: float = 10.0) -> Selection:
     return Selection(QUIET(mask))
 
 
-def parse_color(text: str) -> Vector:
-    """Red, green and blue, 0 to 1, of `#rrggbb`, `#rgb`, or of the pixel `PICTURE@COLUMN,ROW`.
+def parse_color(text: str) -> Float[np.ndarray, "3"]:
+    """Color, 0 to 1, of `#rrggbb`, `#rgb`, or of the pixel `PICTURE@COLUMN,ROW`.
 
     Raises UsageError for another text or a pixel outside, InputError for no picture.
     """
@@ -66,12 +65,11 @@ def parse_color(text: str) -> Vector:
 
         return color_at(text)
     digits = text.removeprefix("#")
-    if not re.fullmatch(r"[0-9a-fA-F]{3}|[0-9a-fA-F]{6}", digits):
-        raise UsageError(f"color {text}: give #rrggbb, as in #a08050, or a pixel, as photo.jpg@8,9")
-    if len(digits) == 3:
-        digits = "".join(2 * digit for digit in digits)
-    red, green, blue = srgb_of_hex(digits).tolist()
-    return red, green, blue
+    try:
+        return srgb_of_hex("".join(2 * each for each in digits) if len(digits) == 3 else digits)
+    except ValueError:
+        wanted = "give #rrggbb, as in #a08050, or a pixel, as photo.jpg@8,9"
+        raise UsageError(f"color {text}: {wanted}") from None
 
 
 # ---- volumes ------------------------------------------------------------------------------------

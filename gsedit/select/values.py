@@ -1,5 +1,4 @@
-"""Numbers that every Gaussian has, by name or by arithmetic, and selections by their comparison
-or rank."""
+"""Numbers that every Gaussian has, by name or arithmetic; selections by comparison or rank."""
 
 from __future__ import annotations
 

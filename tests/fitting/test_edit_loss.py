@@ -5,11 +5,11 @@ from __future__ import annotations
 import pytest
 import torch
 
-from gsedit.capture.fitting.settings import LossTerm, UpdateSettings
-from gsedit.capture.fitting.update import check_installed, edit_loss
+from gsedit.capture.fitting.settings import UpdateSettings
+from gsedit.capture.fitting.update import check_installed
 from gsedit.errors import UsageError
 from gsedit.measures.features import FilterBank
-from gsedit.measures.losses import dssim, gram_loss, l1, mse
+from gsedit.measures.losses import LossTerm, dssim, edit_loss, gram_loss, l1, mse
 from gsedit.measures.perceptual import is_installed, perceptual_distance
 
 BANK = FilterBank(2)
