@@ -1,4 +1,4 @@
-"""Weather and seasons, rows of gsedit/words/appearances.txt: light, how surfaces look, colors that
+"""Weather and seasons, rows of gsedit/words/weathers.txt: light, how surfaces look, colors that
 depend on the view; and what they change: foliage, what faces up, the sky.
 
 Covers, leaves and water change colors alike from every side; gloss of what is wet is spherical
