@@ -19,8 +19,8 @@ from gsedit.editing.parts import aimed_at, find_parts
 from gsedit.editing.plan import key_of
 from gsedit.formats.pictures import fitted_size
 from gsedit.paper.diffusion.settings import SamplerSettings
+from gsedit.paper.editors.protocol import EditBatch, Editor, following
 from gsedit.paper.guided import carry_change
-from gsedit.paper.protocol import EditBatch, Editor, following
 from gsedit.paper.session import edit_camera
 from gsedit.paper.settings import EditSettings
 from gsedit.pictures.contact_sheet import contact_sheet

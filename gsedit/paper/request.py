@@ -15,7 +15,7 @@ from torch import Tensor
 from gsedit.capture.fitting.update import check_installed
 from gsedit.errors import UsageError
 from gsedit.measures.features import MIN_SIDE, FeatureExtractor, FilterBank
-from gsedit.paper.protocol import Editor, StylePainter
+from gsedit.paper.editors.protocol import Editor, StylePainter
 from gsedit.paper.settings import EditSettings
 from gsedit.run.json_lines import plain
 from gsedit.run.state import digest, digest_of

@@ -15,7 +15,7 @@ from torch import Tensor
 
 from gsedit.capture.fitting.optimizer import SceneOptimizer
 from gsedit.capture.fitting.update import MIN_SHOWN_SHARE, Target, rates
-from gsedit.paper.protocol import GroundTruth, StylePainter
+from gsedit.paper.editors.protocol import GroundTruth, StylePainter
 from gsedit.paper.request import Request
 from gsedit.paper.view_plan import ViewPlan
 from gsedit.run.stopwatch import Stopwatch

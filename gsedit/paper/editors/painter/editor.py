@@ -35,7 +35,7 @@ from gsedit.paper.editors.painter.network import (
     style_of,
     weights_of,
 )
-from gsedit.paper.protocol import Capabilities, EditBatch, EditProgress
+from gsedit.paper.editors.protocol import Capabilities, EditBatch, EditProgress
 from gsedit.pictures.contact_sheet import captioned
 from gsedit.scene.color_space import LUMINANCE
 from gsedit.views.around import score_render
