@@ -78,6 +78,14 @@ def render(
     return Rendering(color, alpha, expected, median_depths(depths, index), median_rows(rows, index))
 
 
+@torch.no_grad()
+def render_picture(
+    scene: Gaussians, camera: Camera, numerics: Numerics = DEFAULT
+) -> Float[Tensor, "h w 3"]:
+    """Render the colors over black, clamped to [0, 1], without gradients, as files have them."""
+    return render(scene, camera, numerics=numerics).color.clamp(0, 1)
+
+
 def backproject(
     scene: Gaussians,
     camera: Camera,

@@ -12,8 +12,8 @@ from closeness import EPS32
 from gsedit.paper.consistency.consensus import consensus
 from gsedit.paper.diffusion.sampler import SamplerStep, sample
 from gsedit.paper.diffusion.settings import SamplerSettings
+from gsedit.paper.editors.protocol import for_settings, levels_for
 from gsedit.paper.models.model import Model
-from gsedit.paper.protocol import for_settings, levels_for
 
 PROMPT = "make it snow"
 

@@ -12,8 +12,8 @@ ROOT = Path(__file__).parents[1]
 LONGEST_FUNCTION = 40
 """Lines, the docstring not counted."""
 MOST = {
-    "product": (("gsedit", "cli", "rasterizer"), 64_947, 367),
-    "tests": (("tests",), 30_834, 285),
+    "product": (("gsedit", "cli", "rasterizer"), 64_946, 367),
+    "tests": (("tests",), 30_832, 285),
     "examples": (("examples",), 5_456, 41),
 }
 """Lines and files of Python of the whole house: whoever wants a line finds one to give. These

@@ -15,7 +15,7 @@ from gsedit.capture.fitting.settings import UpdateSettings
 from gsedit.paper.actions import Strategy
 from gsedit.paper.diffusion.settings import SamplerSettings
 from gsedit.paper.editors import Capabilities, EditBatch, EditProgress, make_editor
-from gsedit.paper.protocol import Editor
+from gsedit.paper.editors.protocol import Editor
 from gsedit.views.dataset import capture
 from rasterizer import Gaussians
 

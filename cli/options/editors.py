@@ -82,7 +82,7 @@ class EditorOptions:
         (None: it need not follow any).
         """
         from gsedit.paper.editors import make_editor
-        from gsedit.paper.protocol import following
+        from gsedit.paper.editors.protocol import following
 
         editor = make_editor(
             self.settled().editor,

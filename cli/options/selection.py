@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from torch import Tensor
 
     from gsedit.select.finder import Finder
-    from gsedit.select.kinds import Selection
     from gsedit.select.masked import MaskProvider
     from gsedit.select.region import Region
+    from gsedit.select.selection import Selection
     from rasterizer.scene import Gaussians
 
 
@@ -122,7 +122,7 @@ class SelectionOptions:
 
         Raises UsageError for a text that cannot be read.
         """
-        from gsedit.select.kinds import EVERYTHING
+        from gsedit.select.selection import EVERYTHING
 
         if self.where is None:
             return EVERYTHING if self.region is None else parse_region(self.region, self.data)

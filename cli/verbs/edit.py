@@ -17,7 +17,7 @@ from ..core.command import Seeded, Settings, Values, argument, option, shows, wi
 from ..core.console import print_message, print_result
 from ..core.kernel import RENDERS, UPDATES, say_kernel
 from ..core.outputs import check_folder
-from ..core.progress import progress, result_of
+from ..core.progress import progress, result_of, stage_table
 from ..options.cameras import ViewOptions, resolve_cameras
 from ..options.common import Reads, Scene, load_features, load_scene
 from ..options.editors import (
@@ -360,7 +360,6 @@ def run_and_show(
     begin with the `earlier` ones of a resumed edit.
     """
     from gsedit.measures.against import UNFINISHED
-    from gsedit.pictures.figures import table
     from gsedit.run.events import Checkpoint, Event, as_record
     from gsedit.run.json_lines import Journal
 
@@ -376,7 +375,7 @@ def run_and_show(
 
         result = result_of(items, {Event: write_and_show, Checkpoint: checkpoints.keep})
     if result.events:
-        print_message(table(journal.records))
+        print_message(stage_table(journal.records))
     if result.understood is not None and not result.region.is_all:  # a drawing told its region
         print_message(f"region: {result.region.note}")
     for note in result.notes:

@@ -205,8 +205,8 @@ def draw(
 ) -> None:
     """Write the picture: the worst view, and evenly spaced ones of the others."""
     from gsedit.pictures.contact_sheet import difference_picture
-    from gsedit.scene.picture import render_picture
     from gsedit.views.dataset import View, evenly_spaced
+    from rasterizer.render import render_picture
 
     worst = result.views.index(result.worst)
     others = [index for index in range(len(result.views)) if index != worst]

@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 
     from gsedit.formats.streams import SceneSource
     from gsedit.select.finder import Finder
-    from gsedit.select.kinds import Selection
     from gsedit.select.masked import MaskProvider
     from gsedit.select.region import Region
+    from gsedit.select.selection import Selection
     from gsedit.views.viewpoints import Viewpoint
     from rasterizer.scene import Gaussians
 

@@ -11,8 +11,8 @@ from typing import Literal
 from gsedit.app.places import Places
 from gsedit.editing.plan import is_exact, steps_of
 from gsedit.errors import Said, UsageError, on_page
+from gsedit.paper.editors.protocol import Editor, following
 from gsedit.paper.editors.registry import make_editor
-from gsedit.paper.protocol import Editor, following
 from gsedit.words.called import FILE
 from gsedit.words.instruction import MORE, Change, Instruction, sentence_of
 from gsedit.words.read import read_instruction

@@ -21,7 +21,7 @@ from gsedit.measures.features import FeatureExtractor
 from gsedit.paper.actions import Strategy
 from gsedit.paper.draw import EditPlan
 from gsedit.paper.editors import make_editor
-from gsedit.paper.protocol import Editor, StylePainter, following
+from gsedit.paper.editors.protocol import Editor, StylePainter, following
 from gsedit.paper.request import Method, Request, build_request, check_strategy
 from gsedit.paper.settings import EditSettings
 from gsedit.paper.strategies.single_pass import SinglePass

@@ -15,7 +15,7 @@ from torch import Tensor
 from gsedit.editing.plan import COPY, MADE, PICTURE, key_of
 from gsedit.errors import UsageError
 from gsedit.formats.files import open_scene
-from gsedit.paper.protocol import Editor, truth_of
+from gsedit.paper.editors.protocol import Editor, truth_of
 from gsedit.scene.outcome import NEW, Outcome
 from gsedit.select.finder import Finder, Names
 from gsedit.select.phrase import gap, names

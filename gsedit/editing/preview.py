@@ -19,15 +19,14 @@ from gsedit.editing.parts import aimed_at, find_parts
 from gsedit.editing.plan import key_of
 from gsedit.formats.pictures import fitted_size
 from gsedit.paper.diffusion.settings import SamplerSettings
+from gsedit.paper.editors.protocol import EditBatch, Editor, following
 from gsedit.paper.guided import carry_change
-from gsedit.paper.protocol import EditBatch, Editor, following
 from gsedit.paper.session import edit_camera
 from gsedit.paper.settings import EditSettings
 from gsedit.pictures.contact_sheet import contact_sheet
 from gsedit.run.events import returned
 from gsedit.scene.merging import MergedScene
 from gsedit.scene.outcome import same
-from gsedit.scene.picture import render_picture
 from gsedit.select.finder import Finder, Names
 from gsedit.select.region import Region, coverage, lift
 from gsedit.views.dataset import View, evenly_spaced
@@ -37,6 +36,7 @@ from gsedit.words.instruction import Instruction
 from gsedit.words.phrases import IT
 from rasterizer.camera import Camera
 from rasterizer.numerics import AUTO, Execution, ruled, under
+from rasterizer.render import render_picture
 from rasterizer.scene import Gaussians
 
 SEARCHED_VIEWS = 6

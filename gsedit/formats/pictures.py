@@ -15,7 +15,7 @@ from torch import Tensor
 
 from gsedit.errors import GseditError, InputError, UsageError
 from gsedit.run.atomic import atomic_path
-from gsedit.run.inputs import open_regular
+from gsedit.run.inputs import existing_file, open_regular
 
 Image.MAX_IMAGE_PIXELS = None
 """Pillow's own limit off: `check_picture` stands for it, and can be set."""
@@ -158,3 +158,22 @@ def _unit(picture: Image.Image, size: tuple[int, int] | None) -> Float[Tensor, "
     if size is not None:
         picture = picture.resize(size, Image.Resampling.BOX)
     return torch.from_numpy(np.array(picture)).float() / 255
+
+
+def color_at(text: str) -> Float[np.ndarray, "3"]:
+    """Color, 0 to 1, of a pixel named as `PICTURE@COLUMN,ROW`.
+
+    Raises UsageError for another text or a pixel outside, InputError for no picture.
+    """
+    name, _, place = text.rpartition("@")
+    path = existing_file(Path(name).expanduser())
+    try:
+        column, row = (int(number) for number in place.split(","))
+    except ValueError:
+        raise UsageError(f"color {text}: name a pixel by column and row: {name}@8,9") from None
+    with open_picture(path) as picture:
+        shown = np.asarray(picture.convert("RGB"))
+    height, width = shown.shape[:2]
+    if not (0 <= column < width and 0 <= row < height):
+        raise UsageError(f"color {text}: the picture has {width}x{height} pixels, from 0,0")
+    return shown[row, column] / 255

@@ -56,10 +56,9 @@ from gsedit.measures.metrics import (
     why_missing_at,
 )
 from gsedit.run.environment import environment
-from gsedit.scene.picture import render_picture
 from gsedit.views.dataset import evenly_spaced
 from rasterizer.camera import Camera
-from rasterizer.render import Rendering, render
+from rasterizer.render import Rendering, render, render_picture
 
 Progress = Callable[[int, int], None]
 """(views measured, views to measure)."""

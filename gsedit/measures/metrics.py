@@ -15,10 +15,9 @@ from gsedit.measures import perceptual as learned
 from gsedit.measures.agreement import Matcher, PairComparison, Pictures
 from gsedit.measures.decibels import psnr_from_rmse
 from gsedit.measures.formulas import INSIDE, NEAREST, Interval, nearness, perceptual, rmse, ssim
-from gsedit.scene.picture import render_picture
 from gsedit.select.region import Region, coverage
 from gsedit.views.view_list_files import Role, ViewList
-from rasterizer.render import Rendering
+from rasterizer.render import Rendering, render_picture
 from rasterizer.scene import Gaussians
 
 NO_TARGETS = "there are no edited pictures: add --against with a folder of them, or of an edit"

@@ -22,8 +22,8 @@ from gsedit.capture.fitting.strokes import leading_views
 from gsedit.errors import Said, UsageError
 from gsedit.paper.actions import RollbackAction
 from gsedit.paper.edit_views import batch_of, find_ground_truth
+from gsedit.paper.editors.protocol import Cost
 from gsedit.paper.evaluate import Drawing, evaluate_edit
-from gsedit.paper.protocol import Cost
 from gsedit.paper.request import Request, fits_pictures, request_record, uses_all_views
 from gsedit.paper.session import Session, UneditedRenders, Work, edit_camera, start_progress
 from gsedit.paper.skips import DISABLED, TERMINAL_COLUMNS, Decision, decide_views, one_line, screen

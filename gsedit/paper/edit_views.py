@@ -14,8 +14,8 @@ from gsedit.errors import GseditError
 from gsedit.paper.consistency.correspond import Correspondences, correspond
 from gsedit.paper.consistency.harmonise import Surface, harmonise_by_depth
 from gsedit.paper.diffusion.settings import SamplerSettings
+from gsedit.paper.editors.protocol import EditBatch, StylePainter, truth_of
 from gsedit.paper.guided import carry_change
-from gsedit.paper.protocol import EditBatch, StylePainter, truth_of
 from gsedit.paper.session import Session, UneditedRenders, preview
 from gsedit.paper.view_plan import view_overlap
 from gsedit.run.events import Event
@@ -185,7 +185,7 @@ def sample_views(
     names = [request.every_view[i].name for i in members]
     images = validate_edited_images(images, batch.originals, names)
     if matches and sampler.consensus and sampler.harmonise:
-        images = _harmonised(session.unedited, members, images, batch.anchored, sampler)
+        images = _harmonised(session.unedited, members, images, batch.anchored)
     sampled = []
     for i, image, original in zip(members, images, batch.originals):
         if i not in anchors:
@@ -230,7 +230,6 @@ def _harmonised(
     members: Sequence[int],
     images: Float[Tensor, "v h w 3"],
     anchored: Bool[Tensor, " v"] | None,
-    sampler: SamplerSettings,
 ) -> Float[Tensor, "v h w 3"]:
     """The editor's pictures of these views, their coarse colors brought to agreement."""
     surfaces = []
@@ -239,8 +238,7 @@ def _harmonised(
         assert rendering.median_depth is not None
         camera, color = unedited.edit_camera(i), rendering.color.clamp(0, 1)
         surfaces.append(Surface(camera, rendering.median_depth, rendering.alpha, color))
-    strength = sampler.consensus_weight
-    return harmonise_by_depth(images, surfaces, anchored=anchored, strength=strength)
+    return harmonise_by_depth(images, surfaces, anchored=anchored)
 
 
 def batch_of(

@@ -26,11 +26,11 @@ from gsedit.paper.skips import Decision
 from gsedit.paper.view_plan import ViewPlan
 from gsedit.run.events import Event
 from gsedit.scene.outcome import Outcome
-from gsedit.scene.picture import render_picture
 from gsedit.select.region import Region
 from gsedit.views.dataset import View, evenly_spaced
 from gsedit.views.view_list_files import Role, ViewList
 from gsedit.views.viewpoints import Viewpoint
+from rasterizer.render import render_picture
 
 
 @dataclass(frozen=True)

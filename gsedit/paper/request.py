@@ -15,16 +15,16 @@ from torch import Tensor
 from gsedit.capture.fitting.update import check_installed
 from gsedit.errors import UsageError
 from gsedit.measures.features import MIN_SIDE, FeatureExtractor, FilterBank
-from gsedit.paper.protocol import Editor, StylePainter
+from gsedit.paper.editors.protocol import Editor, StylePainter
 from gsedit.paper.settings import EditSettings
 from gsedit.run.json_lines import plain
 from gsedit.run.state import digest, digest_of
-from gsedit.scene.picture import render_picture
 from gsedit.select.region import Region
 from gsedit.views.dataset import Dataset, View
 from gsedit.views.lazy_views import of_one_size
 from gsedit.views.viewpoints import Viewpoint, Views, same_size, that_see, thinned, viewpoints_of
 from rasterizer.camera import Camera
+from rasterizer.render import render_picture
 from rasterizer.scene import Gaussians
 
 

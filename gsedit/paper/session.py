@@ -15,18 +15,17 @@ from torch import Tensor
 
 from gsedit.capture.fitting.optimizer import SceneOptimizer
 from gsedit.capture.fitting.update import MIN_SHOWN_SHARE, Target, rates
-from gsedit.paper.protocol import GroundTruth, StylePainter
+from gsedit.paper.editors.protocol import GroundTruth, StylePainter
 from gsedit.paper.request import Request
 from gsedit.paper.view_plan import ViewPlan
 from gsedit.run.stopwatch import Stopwatch
 from gsedit.scene.framing import bounds
-from gsedit.scene.picture import render_picture
 from gsedit.select.region import Region, coverage, everything
 from gsedit.views.dataset import View
 from gsedit.views.image_ops import downscale
 from rasterizer.blending.choose import is_compiled
 from rasterizer.camera import Camera
-from rasterizer.render import Rendering, render
+from rasterizer.render import Rendering, render, render_picture
 from rasterizer.scene import Gaussians
 
 

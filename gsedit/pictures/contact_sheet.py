@@ -14,8 +14,8 @@ from torch import Tensor
 from gsedit.formats.pictures import as_picture, save_picture
 from gsedit.measures.agreement import spread
 from gsedit.measures.metrics import EvaluationInput
-from gsedit.scene.picture import render_picture
 from gsedit.views.dataset import View, evenly_spaced
+from rasterizer.render import render_picture
 
 MARGIN, CAPTION = 4, 20
 """Pixels between pictures, and below each."""

@@ -1,4 +1,4 @@
-"""How near the neighbors of Gaussians are, how well others cover a point, how far points extend.
+"""Neighbors: how near they are, which points cover another, clusters, how far points extend.
 
 `n` Gaussians, `m` points. Time and memory depend on how many Gaussians there are, not on how far
 apart: a scene 10^6 wide costs what a small one does.
@@ -7,15 +7,20 @@ apart: a scene 10^6 wide costs what a small one does.
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float, Float64, Int64
 
 from gsedit.scene.quaternions import rotations
+from gsedit.scene.shapes import Bool, Float, Float32, Float64, Int, Int64
 from gsedit.scene.table import SplatTable
 
 NEIGHBORS = 8
 """Fewer make the distance noisy; more reach across gaps between surfaces."""
 AT_ONCE = 1 << 17
 """Points of one query: 17 MB of distances and indices."""
+TYPICAL = 8.0
+"""A gap between clusters, in median distances of a Gaussian to its nearest one."""
+MIXED = np.array((0x1E3779B97F4A7C15, 0x42B2AE3D27D4EB4F, 0x165667B19E3779F9), np.int64)
+"""Large odd factors that make one number of a cell's three; it wraps round, and two cells share one
+by a chance of less than one in a million."""
 
 
 def nearest(
@@ -88,6 +93,90 @@ def linked(pairs: Int64[np.ndarray, "p 2"], count: int) -> Int64[np.ndarray, " n
 
     graph = coo_matrix((np.ones(len(pairs), bool), tuple(pairs.T)), (count, count))
     return connected_components(graph, directed=False)[1].astype(np.int64)
+
+
+def typical_gap(points: Float64[np.ndarray, "n 3"]) -> float:
+    """`TYPICAL` median distances to the nearest other place."""
+    places = np.unique(points, axis=0)
+    if len(places) < 2:
+        return 1.0
+    asked = places[:: -(-len(places) // 20_000)]
+    distance, _ = k_nearest(places, asked, 2)
+    return TYPICAL * float(np.median(distance[:, 1]))
+
+
+def cluster_labels(points: Float64[np.ndarray, "n 3"], gap: float) -> Int[np.ndarray, " n"]:
+    """The number of each point's cluster, from 0.
+
+    Points are sorted into cells whose points all are at most `gap` apart; then cells are linked.
+    """
+    from scipy.spatial import KDTree
+
+    side = gap / np.sqrt(3) * (1 - 1e-9)
+    cells = np.floor(points / side)
+    bits = (cells + 0.0).view(np.int64)  # of any size; -0 is 0
+    keys = (bits ^ (bits >> 29)) @ MIXED
+    order = np.argsort(keys, kind="stable")
+    _, first, counts = np.unique(keys[order], return_index=True, return_counts=True)
+    middles, sample = side * (cells[order[first]] + 0.5), points[order[first]]
+    pairs = KDTree(middles).query_pairs(2 * gap, output_type="ndarray")
+    near = np.linalg.norm(sample[pairs[:, 0]] - sample[pairs[:, 1]], axis=1) <= gap
+    labels = linked(pairs[near], len(first))
+    # two centers of the cells may be nearer than those that were compared
+    rest = pairs[(labels[pairs[:, 0]] != labels[pairs[:, 1]]) & (counts[pairs].max(1) > 1)]
+    rest = rest[_touch(points[order], first, counts, rest, gap)]
+    labels = linked(labels[rest], int(labels.max()) + 1)[labels]
+    result = np.empty(len(points), np.int64)
+    result[order] = np.repeat(labels, counts)
+    return result
+
+
+def _touch(
+    points: Float64[np.ndarray, "n 3"],
+    first: np.ndarray,
+    counts: np.ndarray,
+    pairs: np.ndarray,
+    gap: float,
+) -> Bool[np.ndarray, " p"]:
+    """Whether two points of a pair of cells are at most `gap` apart; points in order of cells.
+
+    All pairs in one k-d tree: each has a place of its own along a fourth axis.
+    """
+    if not len(pairs):
+        return np.zeros(0, bool)
+    origin = points[first[pairs[:, 0]]]
+
+    def placed(side: int) -> tuple[np.ndarray, np.ndarray]:
+        many = counts[pairs[:, side]]
+        pair = np.repeat(np.arange(len(pairs)), many)
+        start = np.cumsum(many) - many
+        row = np.arange(len(pair)) - start[pair] + first[pairs[pair, side]]
+        apart = (points[row] - origin[pair]) / gap
+        return np.column_stack([apart, 16.0 * pair]), pair
+
+    tree, _ = placed(1)
+    asked, pair = placed(0)
+    distance, _ = k_nearest(tree, asked, 1, bound=1 + 1e-12)
+    return np.bincount(pair[np.isfinite(distance[:, 0])], minlength=len(pairs)) > 0
+
+
+def beside(
+    means: Float32[np.ndarray, "n 3"], sources: Bool[np.ndarray, " n"], radius: float
+) -> Bool[np.ndarray, " n"]:
+    """Flag the rows that are no source, and at most `radius` from one."""
+    usable = np.isfinite(means).all(1)
+    found = np.zeros(len(means), bool)
+    given, asked = usable & sources, np.flatnonzero(usable & ~sources)
+    if not given.any() or not len(asked):
+        return found
+    points = means[asked]
+    # far points are cheap to leave out, and most are far
+    low, high = means[given].min(0) - radius, means[given].max(0) + radius
+    near = ((points >= low) & (points <= high)).all(1)
+    # query asks for distances below its bound: the next number includes the bound itself
+    distance, _ = k_nearest(means[given], points[near], 1, bound=np.nextafter(radius, np.inf))
+    found[asked[near]] = np.isfinite(distance[:, 0])
+    return found
 
 
 def extent_of(points: Float[np.ndarray, "n 3"]) -> float:

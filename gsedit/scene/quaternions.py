@@ -6,7 +6,8 @@ from functools import lru_cache
 from math import factorial, isqrt, pi, sqrt
 
 import numpy as np
-from jaxtyping import Float, Float32, Float64
+
+from gsedit.scene.shapes import Float, Float32, Float64
 
 AXES = {
     f"{sign}{name}": float(f"{sign}1") * axis + 0.0

@@ -1,4 +1,4 @@
-"""jaxtyping's array types for the modules that `info`, `convert` and `filter` import at once.
+"""jaxtyping's array types, and torch's, for modules that commands and a shell's Tab import at once.
 
 To import jaxtyping takes 0.08 s, a fifth of what a command may take to start; where nothing checks
 types, nobody reads the annotations. Whoever checks them has imported it before.
@@ -10,7 +10,7 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING or "jaxtyping" in sys.modules:
-    from jaxtyping import Bool, Float, Float32, Float64, Int
+    from jaxtyping import Bool, Float, Float32, Float64, Int, Int64
 else:
 
     class Unchecked:
@@ -19,6 +19,11 @@ else:
         def __class_getitem__(cls, item: Any) -> Any:
             return item[0]
 
-    Bool = Float = Float32 = Float64 = Int = Unchecked
+    Bool = Float = Float32 = Float64 = Int = Int64 = Unchecked
 
-__all__ = ["Bool", "Float", "Float32", "Float64", "Int"]
+if TYPE_CHECKING or "torch" in sys.modules:
+    from torch import Tensor
+else:
+    Tensor = Any
+
+__all__ = ["Bool", "Float", "Float32", "Float64", "Int", "Int64", "Tensor"]

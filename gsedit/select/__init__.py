@@ -15,10 +15,10 @@ from rasterizer.lazy import make_lazy
 if TYPE_CHECKING:
     from gsedit.select.click import Click, Selector
     from gsedit.select.finder import Finder, Names
-    from gsedit.select.kinds import Selection
     from gsedit.select.phrase import find_phrase
     from gsedit.select.region import Region
     from gsedit.select.segment import Segments, segment
+    from gsedit.select.selection import Selection
     from gsedit.select.subject import find_subject
     from gsedit.select.where import where
 

@@ -25,14 +25,13 @@ import numpy as np
 from gsedit.errors import UsageError
 from gsedit.scene.shapes import Bool
 from gsedit.scene.table import SplatTable, gaussians_of
-from gsedit.select.kinds import (
-    FORMS,
+from gsedit.select.kinds import FORMS
+from gsedit.select.selection import Selection, combined
+from gsedit.select.values import (
     NAMED,
     VALUES,
     Amount,
-    Selection,
     Value,
-    combined,
     compare,
     computed,
     parse_amount,

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from rasterizer.lazy import make_lazy
 
 if TYPE_CHECKING:
-    from gsedit.select.kinds import Selection
+    from gsedit.select.selection import Selection
     from gsedit.select.where import where
     from gsedit.toolkit.align import AlignLength, AlignTo, AlignToGround
     from gsedit.toolkit.clean import Clean, Repair, clean, repair

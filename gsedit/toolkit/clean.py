@@ -17,7 +17,7 @@ from gsedit.formats.quantised import LOGIT_MAX
 from gsedit.formats.streams import Blocks, SceneHeader
 from gsedit.formats.validity import invalid_rows, wrong_values
 from gsedit.scene.table import SplatTable, gaussians_of
-from gsedit.select.kinds import Selection
+from gsedit.select.selection import Selection
 from gsedit.toolkit.defects import (
     KEPT,
     REASONS,

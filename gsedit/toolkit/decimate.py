@@ -322,8 +322,8 @@ def picture_change(
     """
     from gsedit.measures.decibels import psnr_from_rmse
     from gsedit.measures.formulas import pooled_rmse, squared_error
-    from gsedit.scene.picture import render_picture
     from gsedit.views.orbit import orbit
+    from rasterizer.render import render_picture
 
     scene, other = gaussians_of(before), gaussians_of(after)
     cameras = orbit(scene, VIEWS, SIZE) if cameras is None else cameras

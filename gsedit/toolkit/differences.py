@@ -21,12 +21,12 @@ from torch import Tensor
 from gsedit.errors import UsageError
 from gsedit.measures import formulas as metrics
 from gsedit.measures.decibels import psnr_from_rmse
-from gsedit.scene.picture import render_picture
 from gsedit.toolkit.decimate import SIZE, VIEWS
 from gsedit.toolkit.scene_summary import Quantiles, quantiles_of
 from gsedit.views.around import find_viewpoints
 from gsedit.views.viewpoints import Viewpoint
 from rasterizer.numerics import DEFAULT, Numerics, sh_to_color
+from rasterizer.render import render_picture
 from rasterizer.scene import Gaussians
 
 QUANTILES = (0.01, 0.5, 0.99)

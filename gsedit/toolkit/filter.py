@@ -10,7 +10,7 @@ import numpy as np
 from gsedit.formats.streams import Blocks, SceneHeader
 from gsedit.scene.shapes import Bool
 from gsedit.scene.table import SplatTable, table_of
-from gsedit.select.kinds import Selection
+from gsedit.select.selection import Selection
 from gsedit.select.where import questions, where
 from gsedit.toolkit.operation import OnSelection, Say, Scene, apply
 

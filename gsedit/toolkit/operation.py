@@ -14,7 +14,7 @@ from gsedit.errors import UsageError
 from gsedit.formats.streams import Blocks, SceneHeader, gather, header_of, in_blocks
 from gsedit.scene.shapes import Bool
 from gsedit.scene.table import SplatTable, gaussians_of, table_of
-from gsedit.select.kinds import EVERYTHING, Selection, given, saved_flags
+from gsedit.select.selection import EVERYTHING, Selection, given, saved_flags
 
 Say = Callable[[str], None]
 """Receives what an operation has to tell a person: one sentence, without the name of a file."""

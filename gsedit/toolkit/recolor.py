@@ -17,7 +17,7 @@ from jaxtyping import Bool, Float, Float32
 from gsedit.errors import InputError, UsageError
 from gsedit.scene.color_space import lab_of_srgb, srgb_of_lab
 from gsedit.scene.table import SplatTable
-from gsedit.select.kinds import EVERYTHING, Selection
+from gsedit.select.selection import EVERYTHING, Selection
 from gsedit.toolkit.filter import as_selection
 from gsedit.toolkit.grade import ColorMap, CurvePoints, Grade, as_table, curved, mapped
 from gsedit.toolkit.operation import OnSelection, Say, Scene, Whole, apply

@@ -25,7 +25,7 @@ from gsedit.run.json_files import read_json
 from gsedit.scene.quaternions import AXES, axis_rotation, quaternion_of, rotation_of, turn_between
 from gsedit.scene.similarity import IDENTITY, Similarity, similarity_of
 from gsedit.scene.table import SPLAT_FIELDS, SplatTable, concatenate_tables
-from gsedit.select.kinds import EVERYTHING, Selection
+from gsedit.select.selection import EVERYTHING, Selection
 from gsedit.toolkit.filter import as_selection
 from gsedit.toolkit.operation import OnSelection, Say, Scene, apply
 

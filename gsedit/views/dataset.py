@@ -11,10 +11,10 @@ from typing import Any
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from gsedit.scene.picture import render_picture
 from gsedit.views.image_ops import downscale
 from gsedit.views.undistort import Lens
 from rasterizer.camera import Camera
+from rasterizer.render import render_picture
 from rasterizer.scene import Gaussians
 
 LEAST_SHARE = 1e-4

@@ -46,7 +46,7 @@ def rows_of(table: Path) -> list[tuple[str, str, list[str]]]:
 
 @lru_cache(1)
 def rows() -> list[tuple[str, str, list[str]]]:
-    """(kind, value, phrases) of each row of `lexicon.txt` and of each name of `appearances.txt`."""
+    """(kind, value, phrases) of each row of `lexicon.txt` and each name of `names.FILES`."""
     return [*rows_of(TABLE), *named()]
 
 

@@ -1,4 +1,4 @@
-"""Names of materials, lights and weathers, and how they look, from `appearances.txt`.
+"""Names of materials, lights, weathers and growths, and how they look, each from its table.
 
 A row is a name and its values: `key=0.5`, `key=0.5,0.7,1`, `key=#ffc65a`, `key=yes`, `key=word`.
 Indented rows below it are its parts, and other words for it where they begin with a colon.
@@ -23,11 +23,11 @@ class Row(NamedTuple):
     words: list[str]
 
 
-def read_table(path: Path) -> dict[str, dict[str, Row]]:
-    """The rows by section and name."""
+def read_table(*paths: Path) -> dict[str, dict[str, Row]]:
+    """The rows of some files by section and name."""
     sections: dict[str, dict[str, Row]] = {}
     rows, last = {}, Row({}, [], [])
-    for line in path.read_text("utf-8").splitlines():
+    for line in "\n".join(path.read_text("utf-8") for path in paths).splitlines():
         if line.startswith("["):
             rows = sections.setdefault(line.strip("[]"), {})
         elif line.startswith("  : "):
@@ -54,7 +54,8 @@ def _value(text: str) -> str | bool | float | tuple[float, ...]:
     return numbers if "," in text else numbers[0]
 
 
-TABLE = read_table(Path(__file__).with_name("appearances.txt"))
+FILES = ("materials.txt", "lights.txt", "weathers.txt", "growths.txt")
+TABLE = read_table(*map(Path(__file__).with_name, FILES))
 
 
 def named() -> list[tuple[str, str, list[str]]]:

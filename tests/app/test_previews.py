@@ -10,11 +10,11 @@ from gsedit.app.loaded import Loaded
 from gsedit.app.panels.select import Clicks, grown
 from gsedit.app.previews import Previewer
 from gsedit.app.reading import read
-from gsedit.scene.picture import render_picture
 from gsedit.select.click import Click, Selector
 from gsedit.select.region import Region, save_region
 from gsedit.views.viewpoints import Viewpoint
 from rasterizer.numerics import DEFAULT
+from rasterizer.render import render_picture
 
 
 @pytest.fixture(scope="module")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from math import radians
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ import torch
 from gsedit import camera_path
 from gsedit.errors import UsageError
 from gsedit.scene.framing import Bounds
+from gsedit.views import PathKind
 from gsedit.views.orbit import circle
 from gsedit.views.paths import circle_of, common_point, spline, swing, turntable, up_of
 from rasterizer import Camera, look_at
@@ -97,7 +99,7 @@ def test_paths_move_with_their_cameras():
         return replace(camera, world_to_camera=camera.world_to_camera @ change)
 
     cameras = ring(9, 35.0)[:6]
-    for kind in ("turntable", "orbit", "spline"):
+    for kind in get_args(PathKind):
         here = camera_path(kind, cameras, 5)
         there = camera_path(kind, [moved(camera) for camera in cameras], 5)
         for a, b in zip(here, there):

@@ -6,6 +6,7 @@ import json
 import shutil
 import sys
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from playroom import playroom
 from gsedit import load, load_dataset
 from gsedit.formats.files import write_scene
 from gsedit.formats.streams import SceneHeader, in_blocks
+from gsedit.views import PathKind
 from gsedit.views.cameras_json import read_cameras
 
 BALL = "view_0:20,50"
@@ -103,25 +105,13 @@ def test_a_scene_is_selected_cleaned_and_thinned_out_in_chains(scene, tmp_path):
 
 def test_a_scene_is_drawn_and_shown(place, tmp_path):
     scene, out = place / "room.ply", tmp_path / "out"
-    done = gsedit(
-        "render",
-        scene,
-        "--views",
-        "0,2",
-        "--show",
-        "color,depth",
-        "--size",
-        24,
-        "-o",
-        out,
-        "--json",
-    )
+    small, shown = ("--size", 24, "-o"), ("--show", "color,depth")
+    done = gsedit("render", scene, "--views", "0,2", *shown, *small, out, "--json")
     lines = [json.loads(line) for line in done.stdout.splitlines()]
     listed = {Path(line["picture"]) for line in lines if line["type"] == "result"}
     assert listed == set(files(out))
     assert {"000_view_0.png", "000_view_0.depth.npy", "002_view_2.depth.png"} < names(out)
-    small = ("--size", 24, "-o")
-    for path in ("turntable", "orbit", "spline"):
+    for path in get_args(PathKind):
         answer("render", scene, "--path", path, "--frames", 2, *small, tmp_path / path)
         assert names(tmp_path / path) == {"frame_0000.png", "frame_0001.png"}
     maps = ("--format", "npy", "--show", "normals,alpha", "--views", "1")
@@ -129,8 +119,7 @@ def test_a_scene_is_drawn_and_shown(place, tmp_path):
     assert names(tmp_path / "maps") == {"001_view_1.alpha.npy", "001_view_1.normals.npy"}
     assert np.load(tmp_path / "maps/001_view_1.normals.npy").shape == (24, 24, 3)
     turn = tmp_path / "turn.gif"
-    shape = ("--resolution", "31x23", "--show", "color,depth")
-    told = answer("render", scene, "--frames", 3, *shape, "-o", turn)
+    told = answer("render", scene, "--frames", 3, "--resolution", "31x23", *shown, "-o", turn)
     assert (told["frames"], told["bytes"]) == (3, turn.stat().st_size)
     with Image.open(turn) as picture:
         assert (picture.size, picture.n_frames) == ((62, 23), 3)

@@ -80,7 +80,6 @@ def test_times_start_lower_with_less_strength():
         ("strength", 1.1),
         ("eta", 1.5),
         ("t_end", -0.1),
-        ("consensus_weight", 2.0),
     ],
 )
 def test_a_bad_setting_is_named(setting, value):

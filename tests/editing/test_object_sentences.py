@@ -13,11 +13,11 @@ from changes import changed_by
 import gsedit
 from gsedit.editing.preview import preview_exact
 from gsedit.scene.cache import SceneCache
-from gsedit.scene.picture import render_picture
 from gsedit.select.finder import Finder, Names
 from gsedit.views.dataset import Dataset, capture
 from gsedit.views.viewpoints import Viewpoint, viewpoints_of
 from gsedit.words.read import read_instruction
+from rasterizer.render import render_picture
 
 STAGE = stage("meadow")
 

@@ -9,11 +9,11 @@ from gsedit.editing.preview import preview_exact
 from gsedit.measures.formulas import psnr
 from gsedit.paper.settings import EditSettings
 from gsedit.run.events import returned
-from gsedit.scene.picture import render_picture
 from gsedit.select.finder import Finder
 from gsedit.views.orbit import circle
 from gsedit.views.viewpoints import Viewpoint
 from gsedit.words.read import read_instruction
+from rasterizer.render import render_picture
 
 SIZE = 48
 

@@ -17,11 +17,11 @@ from gsedit.paper.editors import make_editor
 from gsedit.paper.settings import EditSettings
 from gsedit.paper.strategies.single_pass import SinglePass
 from gsedit.paper.view_plan import survey
-from gsedit.scene.picture import render_picture
 from gsedit.select.finder import Finder, Names
 from gsedit.select.saved import save_named
 from gsedit.views.viewpoints import viewpoints_of
 from gsedit.words.read import read_instruction
+from rasterizer.render import render_picture
 
 BROAD = EditSettings(brush=6.0)  # views of 64 pixels
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import pytest
 import torch
 
-from gsedit.capture.fitting.settings import LossTerm, UpdateSettings
-from gsedit.capture.fitting.update import check_installed, edit_loss
+from gsedit.capture.fitting.settings import UpdateSettings
+from gsedit.capture.fitting.update import check_installed
 from gsedit.errors import UsageError
 from gsedit.measures.features import FilterBank
-from gsedit.measures.losses import dssim, gram_loss, l1, mse
+from gsedit.measures.losses import LOSSES, LossTerm, dssim, edit_loss, gram_loss, l1, mse
 from gsedit.measures.perceptual import is_installed, perceptual_distance
 
 BANK = FilterBank(2)
@@ -50,11 +50,15 @@ def test_terms_are_weighed_and_added():
     ):
         found = float(loss_of(UpdateSettings(loss=text), image, target))
         assert found == pytest.approx(expected, abs=1e-5), text
-    splatting = loss_of(UpdateSettings(loss="0.8*l1+0.2*dssim"))
-    one, other = pictures(0), pictures(1)
-    torch.testing.assert_close(splatting, 0.8 * l1(one, other) + 0.2 * dssim(one, other))
-    style = UpdateSettings(loss="6*gram")
-    assert style.terms == (LossTerm("gram", 6.0),)
+    splatting, both = loss_of(UpdateSettings(loss="0.8*l1+0.2*dssim")), (pictures(0), pictures(1))
+    torch.testing.assert_close(splatting, 0.8 * l1(*both) + 0.2 * dssim(*both))
+    assert UpdateSettings(loss="6*gram").terms == (LossTerm("gram", 6.0),)
+
+
+def test_a_loss_is_added_by_its_row(monkeypatch):
+    monkeypatch.setitem(LOSSES, "largest", lambda image, target: (image - target).abs().amax())
+    largest = (pictures(0) - pictures(1)).abs().amax()
+    assert loss_of(UpdateSettings(loss="2*largest")) == 2 * largest
 
 
 @pytest.mark.skipif(not is_installed(), reason="needs stlpips_pytorch")

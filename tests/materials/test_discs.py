@@ -9,12 +9,11 @@ from plain_scenes import discs, needles, ring
 from gsedit.change.materials.apply import in_material, study
 from gsedit.change.materials.kinds import MATERIALS
 from gsedit.scene.cache import SceneCache
-from gsedit.scene.picture import render_picture
 from gsedit.scene.quaternions import even_directions
 from gsedit.views.discs import discs_on
 from gsedit.views.surroundings import DARKEST, contrasted, studio
 from rasterizer.numerics import color_to_sh
-from rasterizer.render import render
+from rasterizer.render import render, render_picture
 from rasterizer.scene import concatenate
 
 UP = torch.tensor((0.0, 0.0, 1.0))

@@ -15,12 +15,12 @@ from gsedit.change.materials.apply import displayed, in_material
 from gsedit.change.materials.kinds import MATERIALS, Layer, Material, PatternName, material_of
 from gsedit.change.materials.shading import Ground, environment_brdf, grain, share_of
 from gsedit.errors import UsageError
-from gsedit.scene.picture import render_picture
 from gsedit.scene.quaternions import even_directions
 from gsedit.scene.similarity import moved_camera
 from gsedit.toolkit.transform import scale, transform
 from gsedit.words.read import read_instruction
 from rasterizer.numerics import SH_DC
+from rasterizer.render import render_picture
 
 PATTERNS = get_args(PatternName)
 BRONZE = Material("#b98550", metalness=1.0, roughness=0.38)

@@ -10,11 +10,11 @@ from gsedit.bench.synthetic import demo_scene, ring_cameras, surface_gaussians
 from gsedit.measures.evaluation import evaluate
 from gsedit.measures.formulas import psnr
 from gsedit.measures.metrics import EvaluationInput
-from gsedit.scene.picture import render_picture
 from gsedit.select.region import Region, coverage
 from gsedit.views.view_list_files import ViewList
 from gsedit.views.viewpoints import Viewpoint
 from rasterizer.numerics import SH_DC
+from rasterizer.render import render_picture
 
 SIZE = 40
 ROLES = ("held_out", "edited", "edited", "other", "held_out", "edited", "other", "other")

@@ -10,7 +10,7 @@ from gsedit import edit
 from gsedit.errors import UsageError
 from gsedit.measures.formulas import psnr
 from gsedit.paper.editors.command import Command
-from gsedit.paper.protocol import truth_of
+from gsedit.paper.editors.protocol import truth_of
 
 ALL = torch.ones(len(scene()), dtype=torch.bool)
 

@@ -1,9 +1,9 @@
 """Events survive as JSON lines, the table accounts for all the time."""
 
 from command_line import read_events
+from gsedit_cli.core.progress import stage_table
 
 from gsedit import Event
-from gsedit.pictures.figures import table
 from gsedit.run.events import as_record
 from gsedit.run.json_lines import Journal
 
@@ -25,8 +25,8 @@ def test_what_is_written_is_read_back(tmp_path):
 
 
 def test_table_has_a_row_a_stage_and_straight_columns():
-    lines = table(EVENTS).splitlines()
+    lines = stage_table(EVENTS).splitlines()
     assert len(lines) == 1 + 3
     assert len({len(line) for line in lines}) == 1
     assert "20.0" in lines[2]  # 0.1 RMSE is 20 dB
-    assert table([]).startswith("stage")
+    assert stage_table([]).startswith("stage")

@@ -11,9 +11,12 @@ from splat_tables import random_table
 
 from gsedit import View
 from gsedit.errors import InputError, UsageError
+from gsedit.scene.neighbors import cluster_labels
 from gsedit.scene.table import SplatTable, gaussians_of
 from gsedit.select import Finder
-from gsedit.select.kinds import cluster_labels, grow, middle, shrink
+from gsedit.select.kinds import FORMS, grow, middle, shrink
+from gsedit.select.selection import Selection
+from gsedit.select.values import NAMED
 from gsedit.toolkit import filter, select, where
 from gsedit.views.cameras_json import read_cameras, write_cameras
 from rasterizer import Camera, look_at
@@ -33,6 +36,16 @@ def at(points: np.ndarray, size: float = 0.1) -> SplatTable:
         points.astype(np.float32), quats, log_scales, np.full(n, 5, np.float32),
         np.zeros((n, 1, 3), np.float32),
     )  # fmt: skip
+
+
+def test_a_kind_and_a_value_are_added_by_their_rows(monkeypatch):
+    def beyond(x: float) -> Selection:
+        return Selection(lambda table: table.means[:, 0] > x)
+
+    monkeypatch.setitem(FORMS, "beyond", beyond)
+    monkeypatch.setitem(NAMED, "twice", ("2 x", lambda table: 2 * table.means[:, 0]))
+    for words in ("beyond(0.5)", "twice > 1"):
+        assert where(words).mask(at(np.eye(3))).tolist() == [True, False, False]
 
 
 def same_partition(a: np.ndarray, b: np.ndarray) -> bool:
@@ -92,10 +105,8 @@ def test_grow_and_shrink_by_a_radius():
     shrunk = shrink(inner, 0.3).mask(table)
     np.testing.assert_array_equal(shrunk, inside & ~(distance[:, ~inside] <= 0.3).any(1))
     assert shrunk.sum() < inside.sum() < grown.sum()
-    closed = shrink(grow(inner, 0.3), 0.3).mask(table)
-    opened = grow(shrink(inner, 0.3), 0.3).mask(table)
-    assert closed[inside].all()
-    assert not opened[~inside].any()
+    assert shrink(grow(inner, 0.3), 0.3).mask(table)[inside].all()
+    assert not grow(shrink(inner, 0.3), 0.3).mask(table)[~inside].any()
     # the complement grows as the selection shrinks
     np.testing.assert_array_equal(select(table, ~grow(~inner, 0.3)), shrunk)
 

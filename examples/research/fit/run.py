@@ -23,10 +23,10 @@ from gsedit.errors import UsageError
 from gsedit.measures.formulas import nearness, perceptual, ssim
 from gsedit.run.events import Checkpoint, Event
 from gsedit.run.json_lines import Journal
-from gsedit.scene.picture import render_picture
 from gsedit.views.dataset import Dataset, View
 from gsedit.views.load import load_dataset
 from rasterizer.numerics import Execution, ruled
+from rasterizer.render import render_picture
 from rasterizer.scene import Gaussians
 from research.figures import draw_errors
 from research.fit import captures

@@ -25,11 +25,11 @@ from gsedit.measures.perceptual import INSTALL, perceptual_distance, vgg_feature
 from gsedit.paper.editors.painter.editor import Painter
 from gsedit.paper.editors.painter.network import SIDE, load_picture_styles, painted
 from gsedit.paper.view_plan import plan_views, survey, wholeness
-from gsedit.scene.picture import render_picture
 from gsedit.views.cameras_json import cameras_file, read_cameras
 from gsedit.views.viewpoints import same_size, thinned
 from gsedit.words.read import read_instruction
 from rasterizer.camera import Camera
+from rasterizer.render import render_picture
 from rasterizer.scene import Gaussians
 
 SIZE = 192

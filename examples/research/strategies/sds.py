@@ -12,8 +12,8 @@ from gsedit.errors import UsageError
 from gsedit.paper.diffusion.guidance import as_pair, predict_guided
 from gsedit.paper.diffusion.sampler import add_noise
 from gsedit.paper.edit_views import batch_of
+from gsedit.paper.editors.protocol import for_settings
 from gsedit.paper.editors.sampling import Counted, padded
-from gsedit.paper.protocol import for_settings
 from gsedit.paper.session import Session
 from gsedit.views.image_ops import pad_to_multiple
 from rasterizer.camera import Camera

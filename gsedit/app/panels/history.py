@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from gsedit.app.panels.looks import uri_of
 from gsedit.app.tab import button
 from gsedit.formats.pictures import eight_bits
-from gsedit.scene.picture import render_picture
+from rasterizer.render import render_picture
 
 if TYPE_CHECKING:
     from gsedit.app.page import Page

@@ -17,8 +17,8 @@ from gsedit.app.reading import read
 from gsedit.app.tab import button
 from gsedit.errors import GseditError
 from gsedit.formats.pictures import eight_bits
-from gsedit.scene.picture import render_picture
 from rasterizer.camera import Camera
+from rasterizer.render import render_picture
 
 if TYPE_CHECKING:
     from gsedit.app.page import Page

@@ -14,9 +14,10 @@ from gsedit.app.steps import region_file
 from gsedit.errors import UsageError
 from gsedit.scene.table import table_of
 from gsedit.select.click import SMALLEST, Click, Selector, at_one_place
-from gsedit.select.kinds import given, grow, shrink
+from gsedit.select.kinds import grow, shrink
 from gsedit.select.region import Region
 from gsedit.select.saved import save_named, saved_files
+from gsedit.select.selection import given
 from rasterizer.scene import Gaussians
 
 if TYPE_CHECKING:

@@ -36,12 +36,11 @@ from gsedit.run.state import State, check_same, digest, digest_of, restoring, te
 from gsedit.run.step_threads import StepThreads
 from gsedit.run.stopwatch import Stopwatch
 from gsedit.scene.framing import finest_pixels
-from gsedit.scene.picture import render_picture
 from gsedit.views.dataset import Dataset, View
 from gsedit.views.lazy_views import PixelCache
 from rasterizer.blending.choose import is_compiled
 from rasterizer.numerics import under
-from rasterizer.render import render
+from rasterizer.render import render, render_picture
 from rasterizer.scene import Gaussians
 
 

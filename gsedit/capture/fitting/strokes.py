@@ -20,11 +20,11 @@ from gsedit.measures.features import FeatureExtractor
 from gsedit.measures.losses import gram
 from gsedit.run.step_threads import StepThreads
 from gsedit.scene.neighbors import k_nearest
-from gsedit.scene.picture import render_picture
 from gsedit.views.dataset import View
 from rasterizer.camera import Camera
 from rasterizer.color_weights import ColorWeights, color_weights
 from rasterizer.numerics import SH_DC
+from rasterizer.render import render_picture
 from rasterizer.scene import Gaussians
 
 NEAR, ROUNDS = 9, 2

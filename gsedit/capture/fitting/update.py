@@ -1,13 +1,12 @@
 """Fit a scene to edited views, on random patches (Efficient-NeRF2NeRF): crops of all views or of
-those in which a region shows, and the loss of a step, a sum of terms between crops and targets.
+those in which a region shows.
 
-`h w` pixels of a view; a crop is a square of `side` pixels with its top left corner at one of
-`y x` places. Pictures are in [0, 1]; `*n` any leading axes.
+`h w` pixels of a view; a crop is a square of `side` pixels with its top left corner at `y x`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import ceil
@@ -20,11 +19,11 @@ from torch import Tensor
 
 from gsedit.capture.fitting.optimizer import SceneOptimizer
 from gsedit.capture.fitting.photometric import supervised
-from gsedit.capture.fitting.settings import LossTerm, UpdateSettings
+from gsedit.capture.fitting.settings import UpdateSettings
 from gsedit.errors import UsageError
-from gsedit.measures import losses
 from gsedit.measures.features import FeatureExtractor
-from gsedit.measures.perceptual import INSTALL, is_installed, perceptual_distance
+from gsedit.measures.losses import edit_loss
+from gsedit.measures.perceptual import INSTALL, is_installed
 from gsedit.run.step_threads import StepThreads
 from gsedit.views.dataset import View
 from rasterizer.camera import Camera
@@ -37,39 +36,6 @@ def check_installed(settings: UpdateSettings) -> None:
     """Raise UsageError where the loss needs weights that are not there."""
     if any(term.name == "perceptual" for term in settings.terms) and not is_installed():
         raise UsageError(f"the loss perceptual needs weights that are not installed: {INSTALL}")
-
-
-def edit_loss(
-    image: Float[Tensor, "*n h w 3"],
-    target: Float[Tensor, "*n h w 3"],
-    terms: Sequence[LossTerm],
-    features: FeatureExtractor,
-) -> Float[Tensor, ""]:
-    """The weighted sum of the terms, each a mean over the pictures; `features` are Gram's.
-
-    mse + lambda gram is eq. (loss) of Efficient-NeRF2NeRF, l1 + perceptual the loss of
-    Instruct-NeRF2NeRF, 0.8 l1 + 0.2 dssim that of 3D Gaussian splatting. Raises UsageError for
-    perceptual without its weights.
-    """
-    parts = [
-        value if term.weight == 1 else term.weight * value
-        for term in terms
-        for value in [_loss(term.name, features)(image, target)]
-    ]
-    return sum(parts[1:], parts[0])
-
-
-def _loss(name: str, features: FeatureExtractor) -> Callable[[Tensor, Tensor], Tensor]:
-    if name == "gram":
-        return lambda image, target: losses.gram_loss(
-            *(features(t.reshape(-1, *t.shape[-3:]).movedim(-1, 1)) for t in (image, target))
-        )
-    if name != "perceptual":
-        return getattr(losses, name)
-    distance = perceptual_distance()
-    if distance is None:
-        raise UsageError(f"the loss perceptual needs weights that are not installed: {INSTALL}")
-    return distance
 
 
 MIN_SHOWN_SHARE = 1 / 255

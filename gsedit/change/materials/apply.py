@@ -39,7 +39,6 @@ from gsedit.scene.color_space import LUMINANCE, linear_of_srgb, srgb_of_linear
 from gsedit.scene.framing import ends, guess_up
 from gsedit.scene.neighbors import k_nearest
 from gsedit.scene.outcome import Outcome
-from gsedit.scene.picture import render_picture
 from gsedit.scene.quaternions import turn_between
 from gsedit.select.region import lift
 from gsedit.toolkit.grade import GAMMA
@@ -71,6 +70,7 @@ from rasterizer.camera import Camera
 from rasterizer.color_weights import color_weights
 from rasterizer.harmonics import basis
 from rasterizer.numerics import SH_DC, sh_to_color
+from rasterizer.render import render_picture
 from rasterizer.scene import Gaussians, concatenate
 
 ROUNDS = 12

@@ -1,4 +1,4 @@
-"""Materials: how a surface reflects, its patterns; those of gsedit/words/appearances.txt and what
+"""Materials: how a surface reflects, its patterns; those of gsedit/words/materials.txt and what
 words name: "brushed copper with green patina", "matte", "polished granite".
 
 Loads no torch.

@@ -1,4 +1,4 @@
-"""Weather and seasons, rows of gsedit/words/appearances.txt: light, how surfaces look, colors that
+"""Weather and seasons, rows of gsedit/words/weathers.txt: light, how surfaces look, colors that
 depend on the view; and what they change: foliage, what faces up, the sky.
 
 Covers, leaves and water change colors alike from every side; gloss of what is wet is spherical
@@ -30,7 +30,6 @@ from gsedit.change.light.relight import (
 from gsedit.errors import UsageError
 from gsedit.scene.cache import cached_per_scene
 from gsedit.scene.color_space import LUMINANCE, lab_of_srgb, linear_of_srgb
-from gsedit.scene.picture import render_picture
 from gsedit.scene.quaternions import even_directions
 from gsedit.select.region import lift
 from gsedit.toolkit.grade import GAMMA
@@ -41,6 +40,7 @@ from gsedit.words.names import TABLE, Row
 from rasterizer.camera import Camera
 from rasterizer.harmonics import basis
 from rasterizer.numerics import sh_to_color
+from rasterizer.render import render_picture
 from rasterizer.scene import Gaussians
 
 GREEN_HUES = (92.0, 104.0, 165.0, 185.0)

@@ -76,8 +76,6 @@ class SamplerSettings:
     """Whether corresponding cells start from the same noise."""
     consensus: bool = True
     """Whether corresponding cells of the views are made to agree while they are sampled."""
-    consensus_weight: float = 1.0
-    """How far cells move to their cluster's mean: 0 changes nothing, 1 makes them equal."""
     harmonise: bool = True
     """Whether, with consensus, the finished views' coarse colors are brought to agreement where
     the depth of the scene says that they show the same place."""
@@ -100,9 +98,7 @@ class SamplerSettings:
             valid = value is None or (math.isfinite(value) and value >= 0)
             _require(valid, name, value, "finite and not negative")
         _require(0 < self.strength <= 1, "strength", self.strength, "above 0 and at most 1")
-        for name in ("eta", "consensus_weight"):
-            value = getattr(self, name)
-            _require(0 <= value <= 1, name, value, "from 0 to 1")
+        _require(0 <= self.eta <= 1, "eta", self.eta, "from 0 to 1")
 
     def _check_choices(self) -> None:
         choices = {

@@ -8,7 +8,13 @@ from rasterizer.lazy import make_lazy
 
 if TYPE_CHECKING:
     from gsedit.paper.editors.plugins import Listing
+    from gsedit.paper.editors.protocol import (
+        Capabilities,
+        Denoiser,
+        EditBatch,
+        Editor,
+        EditProgress,
+    )
     from gsedit.paper.editors.registry import list_editors, make_editor, make_masks
-    from gsedit.paper.protocol import Capabilities, Denoiser, EditBatch, Editor, EditProgress
 
 make_lazy(__name__)

@@ -50,7 +50,7 @@ from gsedit.change.light.relight import step
 from gsedit.errors import UsageError
 from gsedit.paper.diffusion.guidance import Branches, Need, Prediction
 from gsedit.paper.diffusion.schedules import Schedule
-from gsedit.paper.protocol import Capabilities, GroundTruth
+from gsedit.paper.editors.protocol import Capabilities, GroundTruth
 from gsedit.scene.color_space import srgb_of_hex
 from gsedit.views.image_ops import PadMode, rotate_hue
 from gsedit.words.names import Row, read_table

@@ -32,7 +32,7 @@ from gsedit.errors import GseditError, InputError, UsageError
 from gsedit.formats.pictures import as_picture, read_picture
 from gsedit.paper.diffusion.settings import SamplerSettings
 from gsedit.paper.editors.plugins import EXAMPLE, MASK_EXAMPLE
-from gsedit.paper.protocol import Capabilities, EditBatch, EditProgress
+from gsedit.paper.editors.protocol import Capabilities, EditBatch, EditProgress
 from gsedit.select.masked import read_mask
 
 FIELDS = ("input", "output", "prompt", "seed", "renders", "masks", "python")

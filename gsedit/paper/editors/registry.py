@@ -22,7 +22,7 @@ from gsedit.paper.editors.plugins import EXAMPLE, MASK_EXAMPLE, Listing, Plugins
 
 if TYPE_CHECKING:
     from gsedit.paper.diffusion.settings import Precision
-    from gsedit.paper.protocol import Editor
+    from gsedit.paper.editors.protocol import Editor
     from gsedit.select.masked import MaskProvider
 
 DEFAULT = "painter"

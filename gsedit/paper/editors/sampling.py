@@ -29,7 +29,7 @@ from gsedit.paper.diffusion.guidance import (
 from gsedit.paper.diffusion.precision import InBfloat16, most_bytes, with_precision
 from gsedit.paper.diffusion.sampler import Anchor, Hook, add_noise, sample
 from gsedit.paper.diffusion.settings import SamplerSettings
-from gsedit.paper.protocol import (
+from gsedit.paper.editors.protocol import (
     Capabilities,
     Cost,
     Denoiser,
@@ -273,8 +273,7 @@ def _hooks(batch: EditBatch, settings: SamplerSettings) -> tuple[Hook | None, Ho
     if batch.correspondences is None:
         return None, lambda noise: noise
     labels, common = batch.correspondences.labels, torch.Generator().manual_seed(batch.seed)
-    own: dict[str, Any] = {"anchored": batch.anchored, "strength": settings.consensus_weight}
-    agree = partial(consensus, labels=labels, **own)
+    agree = partial(consensus, labels=labels, anchored=batch.anchored)
     if settings.noise == "independent":
         return agree, lambda noise: noise
 

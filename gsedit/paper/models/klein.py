@@ -19,9 +19,9 @@ from gsedit.errors import InputError, UsageError
 from gsedit.paper.diffusion.guidance import Latents, Need, Prediction
 from gsedit.paper.diffusion.schedules import CLEAN, NoiseLevel, Schedule
 from gsedit.paper.diffusion.settings import SamplerDefaults, SamplerSettings
+from gsedit.paper.editors.protocol import Capabilities
 from gsedit.paper.models.loading import Parts, explained
 from gsedit.paper.models.model import Model, TextNetwork, tokens_over, words
-from gsedit.paper.protocol import Capabilities
 
 LENGTH = 512
 """Tokens of an instruction, with those of the chat around it."""

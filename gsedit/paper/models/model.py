@@ -18,8 +18,8 @@ from torch import Tensor
 from gsedit.errors import UsageError
 from gsedit.paper.diffusion.guidance import Branches, Latents, Need, Prediction
 from gsedit.paper.diffusion.schedules import Schedule
+from gsedit.paper.editors.protocol import Capabilities
 from gsedit.paper.models.runtime import Runtime, in_torch
-from gsedit.paper.protocol import Capabilities
 from gsedit.views.image_ops import PadMode
 
 F = TypeVar("F")

@@ -20,10 +20,10 @@ from gsedit.errors import InputError
 from gsedit.paper.diffusion.guidance import Need, Prediction
 from gsedit.paper.diffusion.schedules import NoiseLevel, Schedule
 from gsedit.paper.diffusion.settings import SamplerDefaults, SamplerSettings
+from gsedit.paper.editors.protocol import Capabilities
 from gsedit.paper.models.hub import SDXL
 from gsedit.paper.models.loading import Parts, explained
 from gsedit.paper.models.model import Model, TextNetwork, tokens_over, words
-from gsedit.paper.protocol import Capabilities
 
 SCHEDULERS = (
     "DDIMScheduler", "DDPMScheduler", "PNDMScheduler", "LMSDiscreteScheduler",

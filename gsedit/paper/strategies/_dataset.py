@@ -19,6 +19,9 @@ from gsedit.paper.strategies._settings import DatasetUpdate
 from gsedit.run.events import Event
 from gsedit.views.dataset import View
 
+LEAST_NOISE, MOST_NOISE = 0.02, 0.98
+"""Noise levels at which an edit starts, fractions of the schedule: Instruct-NeRF2NeRF's."""
+
 
 def dataset_views(session: Session, own: DatasetUpdate) -> tuple[int, ...]:
     """Indices of the views of the dataset, in the order in which they are edited.
@@ -56,12 +59,10 @@ class EditAlone(RollbackAction):
     view: int
     step: int
     steps: int
-    least_noise: float
-    most_noise: float
 
     def __call__(self, session: Session) -> Iterator[Event]:
         draw = float(torch.rand((), generator=session.request.generator))
-        strength = self.least_noise + (self.most_noise - self.least_noise) * draw
+        strength = LEAST_NOISE + (MOST_NOISE - LEAST_NOISE) * draw
         sampler = alone(session.request.settings.sampler, strength)
         yield from edit_alone(session, self.view, sampler, step=self.step, steps=self.steps)
 
@@ -86,7 +87,7 @@ def in_turn(
     views, starts = dataset_views(session, own), range(0, steps, own.steps_between)
     for number, start in enumerate(starts):
         view = views[number % len(views)]
-        yield EditAlone(view, number + 1, len(starts), own.least_noise, own.most_noise)
+        yield EditAlone(view, number + 1, len(starts))
         span = range(start, min(start + own.steps_between, steps))
         yield from update_round(steps, done=done, total=total, span=span)
     if session.request.solves:

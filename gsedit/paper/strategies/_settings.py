@@ -15,21 +15,11 @@ class DatasetUpdate:
 
     steps_between: int = 10
     """Fitting steps after each edited view (N_IU of the paper)."""
-    least_noise: float = 0.02
-    """Lowest noise level at which an edit starts, a fraction of the schedule; this and the next are
-    Instruct-NeRF2NeRF's."""
-    most_noise: float = 0.98
-    """Highest noise level at which an edit starts, a fraction of the schedule."""
     dataset_views: Literal["all", "planned"] = "all"
     """Views that are edited in turn: all but the held-out ones, or those of the plan."""
 
     def __post_init__(self) -> None:
         check_steps(self)
-        if not 0 < self.least_noise <= self.most_noise <= 1:
-            raise UsageError(
-                f"noise is drawn from {self.least_noise:g} to {self.most_noise:g}: give fractions "
-                "of the schedule above 0 and at most 1, the least one first"
-            )
 
 
 def check_steps(strategy: Any) -> None:

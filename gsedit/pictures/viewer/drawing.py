@@ -24,8 +24,8 @@ from gsedit.pictures.viewer.point_clouds import solid, splat_colors
 from gsedit.run.environment import load_extra
 from gsedit.scene.framing import bounds, framing_camera
 from gsedit.scene.table import table_of
-from gsedit.select.kinds import NAMED
 from gsedit.select.region import TINT, TINT_STRENGTH
+from gsedit.select.values import NAMED
 from gsedit.views.around import cameras_of
 from gsedit.views.paths import up_of
 from gsedit.views.viewpoints import Viewpoint

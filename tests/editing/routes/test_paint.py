@@ -9,9 +9,9 @@ from changes import painted
 from gsedit.bench.synthetic import ring_cameras
 from gsedit.errors import UsageError
 from gsedit.scene.color_space import lab_of_srgb, srgb_of_hex
-from gsedit.scene.picture import render_picture
 from gsedit.words.instruction import Change
 from rasterizer.numerics import SH_DC
+from rasterizer.render import render_picture
 
 ASKED = ("#653700", "#029386", "#e50000", "#ffffff", "#0343df", "#808080", "#fac205")
 

@@ -16,9 +16,9 @@ from tiny_models import PROMPT, SD
 from gsedit.errors import InputError
 from gsedit.paper.diffusion.sampler import sample
 from gsedit.paper.diffusion.settings import SamplerSettings
+from gsedit.paper.editors.protocol import for_settings, levels_for
 from gsedit.paper.models.loading import load_model
 from gsedit.paper.models.stable_diffusion import noise_of
-from gsedit.paper.protocol import for_settings, levels_for
 
 pytestmark = pytest.mark.usefixtures("offline")
 CELLS = (16, 16)

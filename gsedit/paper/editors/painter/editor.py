@@ -35,15 +35,15 @@ from gsedit.paper.editors.painter.network import (
     style_of,
     weights_of,
 )
-from gsedit.paper.protocol import Capabilities, EditBatch, EditProgress
+from gsedit.paper.editors.protocol import Capabilities, EditBatch, EditProgress
 from gsedit.pictures.contact_sheet import captioned
 from gsedit.scene.color_space import LUMINANCE
-from gsedit.scene.picture import render_picture
 from gsedit.views.around import score_render
 from gsedit.views.dataset import evenly_spaced
 from gsedit.views.noise import noise
 from gsedit.views.viewpoints import Viewpoint
 from gsedit.words.lexicon import LIKE, styles
+from rasterizer.render import render_picture
 from rasterizer.scene import Gaussians
 
 WEIGHTS = Path(__file__).with_name("styles.safetensors")
