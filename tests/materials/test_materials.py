@@ -81,12 +81,14 @@ def test_grains_are_no_lattice_on_a_flat_side():
     assert np.mean(shares) < 0.32
 
 
-def test_a_smooth_metal_reflects_its_color_head_on_and_white_at_grazing():
+def test_a_metal_keeps_its_color_but_for_the_last_degrees_of_grazing():
     gold = torch.tensor([[1.0, 0.7, 0.3]])
     head_on = environment_brdf(gold, torch.zeros(1), torch.ones(1))
     grazing = environment_brdf(gold, torch.zeros(1), torch.full((1,), 1e-3))
     torch.testing.assert_close(head_on, gold, atol=0.05, rtol=0)
     assert float(grazing.amin()) > 0.85
+    aslant = environment_brdf(gold, torch.full((1,), 0.3), torch.full((1,), 0.3))[0]
+    assert float(aslant[2] / aslant[0]) < 0.33
 
 
 def test_too_bright_light_keeps_its_hue():

@@ -141,7 +141,7 @@ AROUND = 0.06
 """Standard deviation of what counts as around, in radii of the part."""
 SOLID = 0.9
 """Share of its fullest pixel from which a part's color is told there: haze may veil it all."""
-FINE, STEEPER, QUIET = (0.15, 1.2), 2.0, 0.1
+FINE, STEEPER, QUIET = (0.15, 1.2), 1.6, (0.12, 0.45)
 """Least and largest ratio to what is around, its power (Gaussians blur it again), and its logarithm
 that polish takes from discs: grain goes, joints stay."""
 BESIDE = 3
@@ -185,6 +185,8 @@ AROUND_WEIGHT = 0.05
 """Weight of directions without cameras, against the mean one."""
 WHITENED = 0.6
 """Share of white in light that is much too bright for a display."""
+HANGS = 1.4
+"""Height of lamps over a part, in its radii: far ones would light a flat top alike."""
 UNSURE = 0.5
 """Median confidence of normals below which Gaussians show no surface."""
 NEAR_EYES = 0.02
@@ -343,7 +345,7 @@ def study(
     bare = Skin(some.means, flat, open_, torch.arange(len(some)))
     weight = visible_area(some) if weights is None or discs is not None else weights[inside]
     around = find_surroundings(scene, inside, up, cameras=cameras)
-    light, notes = _light(around, up, color[few.rows], bare.share, weight, matte)
+    light, notes = _light(around, up, radius, color[few.rows], bare.share, weight, matte)
     chunks = torch.arange(len(some)).split(AT_ONCE)
     sides = torch.cat([arriving(light, bare[rows]) for rows in chunks])
     skin = Skin(part.means, directions, few.spread(open_), torch.arange(len(part)))
@@ -368,6 +370,7 @@ def _ground(
 def _light(
     around: Surroundings,
     up: Float[Tensor, "3"],
+    radius: float,
     color: Float[Tensor, "k 3"],
     share: Float[Tensor, "k d"],
     weight: Float[Tensor, " k"],
@@ -382,7 +385,7 @@ def _light(
     around = balanced(around)
     if matte:
         return lighting(around), tuple(notes)
-    mirrored, mixed = contrasted(around, up)
+    mirrored, mixed = contrasted(around, up, HANGS * radius)
     notes += [MIXED] if mixed and not around.studio else []
     return lighting(around, mirrored), tuple(notes)
 
@@ -465,8 +468,8 @@ def seen_detail(
         maps.append(torch.from_numpy(np.log(ratio) * stone).float())
     found = lift(scene, some, maps).mean[inside]
     if laid.count:
-        there = lift(laid.scene, some, maps).mean[-laid.count :]
-        found = torch.cat((found, (there + QUIET).clamp(max=0)))
+        found = torch.cat((found, lift(laid.scene, some, maps).mean[-laid.count :]))
+        found = found * ((-found - QUIET[0]) / (QUIET[1] - QUIET[0])).clamp(0, 1)
     return (STEEPER / GAMMA * found).exp()
 
 
