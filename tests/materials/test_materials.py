@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 from bench.reflective import Finish, plain_base
-from changes import Known, changed_by, painted
+from changes import painted
 from plain_scenes import needles, same_bits
 
 from gsedit.bench.synthetic import ring_cameras
@@ -137,15 +137,6 @@ def test_what_a_picture_shows_is_shaded_about_as_in_the_whole(ball):
     assert error < 0.01 * change  # of fewer directions
     away = in_material(scene, own, BRONZE, cameras, shown=~own).scene
     assert not away.sh[:, 1:].any()
-
-
-def test_an_object_alone_is_lit_by_a_studio(ball):
-    _, scene, own, _ = ball
-    alone = scene[own]
-    instruction = read_instruction("turn it into a bronze statue")
-    routed = changed_by(instruction.text, Known(alone))
-    assert any("studio" in note for note in routed.notes)
-    assert float(routed.scene.sh.std()) > 0
 
 
 def test_a_bright_object_on_a_dark_tile_is_lit_by_a_studio(ball):
