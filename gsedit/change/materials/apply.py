@@ -141,9 +141,9 @@ AROUND = 0.06
 """Standard deviation of what counts as around, in radii of the part."""
 SOLID = 0.9
 """Share of its fullest pixel from which a part's color is told there: haze may veil it all."""
-FINE, STEEPER, QUIET = (0.15, 1.2), 1.6, (0.12, 0.45)
-"""Least and largest ratio to what is around, its power (Gaussians blur it again), and its logarithm
-that polish takes from discs: grain goes, joints stay."""
+FINE, STEEPER, QUIET = (0.15, 2.0), (2.0, 1.6), (-0.12, -3.0)
+"""Least and largest ratio to what is around; its powers on Gaussians, which blur it, and on discs;
+its logarithm at which these begin to show it, and how fast: grain goes, joints stay."""
 BESIDE = 3
 """Discs whose mean color a Gaussian in their place gets."""
 AGREED, SHARP = 0.75, 1.2
@@ -466,11 +466,11 @@ def seen_detail(
         ratio = np.clip(light @ LUMINANCE / (soft @ LUMINANCE), *FINE)
         stone = 1 / (1 + (hue.max(-1) * np.minimum(ratio, 1) / HUE) ** 2)
         maps.append(torch.from_numpy(np.log(ratio) * stone).float())
-    found = lift(scene, some, maps).mean[inside]
+    found = STEEPER[0] * lift(scene, some, maps).mean[inside]
     if laid.count:
-        found = torch.cat((found, lift(laid.scene, some, maps).mean[-laid.count :]))
-        found = found * ((-found - QUIET[0]) / (QUIET[1] - QUIET[0])).clamp(0, 1)
-    return (STEEPER / GAMMA * found).exp()
+        there = lift(laid.scene, some, maps).mean[-laid.count :]
+        found = torch.cat((found, STEEPER[1] * there * (QUIET[1] * (there - QUIET[0])).clamp(0, 1)))
+    return (found / GAMMA).exp()
 
 
 def _normals(
