@@ -121,9 +121,10 @@ ROUGHNESSES = (0.0, 0.15, 0.3, 0.45, 0.6, 0.8, 1.0)
 """Roughness of the prefiltered maps; GGX's alpha is its square."""
 LAMPS = ((1.0, 0.5, 0.7, 0.30, 5.0), (-1.0, 0.7, 0.5, 0.42, 2.0), (0.1, -1.0, 0.6, 0.25, 3.0))
 """Soft boxes of a studio, see `lamps`."""
-KEYS = ((1.0, 0.6, 0.9, 0.35, 9.0), (-0.7, 0.9, 0.6, 0.3, 6.0), (-0.4, -1.0, 0.8, 0.35, 9.0))
+KEYS = ((1.0, 0.6, 0.9, 0.35, 10.5), (-0.7, 0.9, 0.6, 0.3, 7.0), (-0.4, -1.0, 0.8, 0.35, 10.5),
+        (0.05, 0.05, 1.0, 0.25, 6.0))  # fmt: skip
 """Key lights that are mixed into poor surroundings, against their mean: one for each side that one
-may look from."""
+may look from, and one for flat tops."""
 DARK_FLOOR, HORIZON = 0.25, 0.05
 """Light of the floor then, against what it was, and the sine of the angle below which it is."""
 PALER = 0.5
@@ -310,9 +311,12 @@ def lamps(
     return light
 
 
-def contrasted(surroundings: Surroundings, up: Float[Tensor, "3"]) -> tuple[Surroundings, bool]:
+def contrasted(
+    surroundings: Surroundings, up: Float[Tensor, "3"], above: float = torch.inf
+) -> tuple[Surroundings, bool]:
     """The surroundings as metals need them, and whether that is more than they were: key lights and
-    a dark floor are mixed in until there are highlights and dark edges; as bright as before."""
+    a dark floor are mixed in until there are highlights and dark edges; as bright as before.
+    Those overhead hang `above` the middle, in world units; others stay as far as they are."""
     luminance = torch.from_numpy(LUMINANCE).to(surroundings.radiance)
     areas = cell_areas(ROWS).to(luminance)
     before = surroundings.radiance
@@ -333,7 +337,8 @@ def contrasted(surroundings: Surroundings, up: Float[Tensor, "3"]) -> tuple[Surr
         )
         if dark <= DARKEST * mean and bright >= BRIGHTEST * mean:
             break
-    return found, strength > 0
+    ceiling = torch.minimum(found.distance, above / height.clamp_min(HORIZON) ** 4)
+    return replace(found, distance=ceiling), strength > 0
 
 
 def with_studio(surroundings: Surroundings, up: Float[Tensor, "3"]) -> Surroundings:

@@ -11,13 +11,14 @@ from gsedit.bench.synthetic.paint import plain
 from gsedit.bench.synthetic.scene import SyntheticScene
 from gsedit.bench.synthetic.shapes import cylinder, sphere, translate, union
 from gsedit.bench.synthetic.splats import surface_gaussians
-from gsedit.change.objects.growth.grow import MOST_NEW, blanket, grow
+from gsedit.change.objects.growth.grow import LEAF, MOST_NEW, blanket, grow
 from gsedit.change.objects.growth.places import GROWTHS
 from gsedit.errors import UsageError
 from gsedit.scene.outcome import NEW
 from gsedit.views.orbit import orbit
 from rasterizer.camera import look_at
 from rasterizer.render import render
+from rasterizer.scene import concatenate
 
 UP = torch.tensor((0.0, 0.0, 1.0), dtype=torch.float64)
 BALL, TABLE, FLOOR = 0.35, 0.28, -0.55
@@ -72,6 +73,7 @@ def test_rows_keep_their_places_and_what_is_not_changed_its_bits(name):
     assert not old.sh[kept, bands:].any()
     assert torch.equal(old.sh[kept, :bands], scene.sh[kept])
     assert all_finite(after.scene)
+    assert same_bits(grown.__wrapped__(name).scene, after.scene)
 
 
 def test_snow_stands_out_at_the_side_and_more_of_it_the_more():
@@ -119,37 +121,40 @@ def test_a_blanket_is_round_at_an_edge_and_full_at_the_foot_of_a_wall():
     assert (thick[:, 20:27].diff(dim=1) > -1e-9).all()
 
 
-@pytest.mark.parametrize("name", ["snow", "dust", "leaves"])
-def test_from_below_nothing_changes(name):
-    below = view((0.3, -0.4, -4.0), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0))
-    before, after = render(stage(), below), render(grown(name).scene, below)
-    different = (before.color - after.color).abs().amax(-1)
-    assert float(different.mean()) < 4e-3  # gaps between the Gaussians of a thin floor
-    assert float((different > 0.1).double().mean()) < 4e-3
+@pytest.mark.parametrize(
+    ("name", "whole", "lowest", "bare"),
+    [("snow", 0.6, 0.4, -0.3), ("dust", 0.5, 0.3, -0.4), ("moss", -0.4, -0.65, -0.7)],
+)
+def test_it_covers_a_ball_in_one_piece_down_to_where_it_turns_away(name, whole, lowest, bare):
+    scene, after, middle = stage(), grown(name), torch.tensor((0.0, 0.0, TABLE + BALL))
+    new = added(after).means
+    away, size = new - middle, (new - middle).norm(dim=1)
+    near = (size < BALL + 0.12) & (away[:, 2] > -0.2)
+    assert float((away[near, 2] / size[near]).amin()) > lowest
+    size = (scene.means - middle).norm(dim=1)
+    rise = ((scene.means - middle)[:, 2] / size).masked_fill(size > BALL + 0.02, torch.nan)
+    assert not after.changed[: len(scene)][(rise < bare) & (rise > -0.8)].any()
+    assert float(torch.cdist(scene.means[rise > whole], new).amin(1).quantile(0.95)) < 0.08
+    x, y, z = new.T  # under the table only moss grows, on its leg
+    assert bool(((torch.hypot(x, y) < 0.3) & (z < TABLE - 0.1)).any()) == (name == "moss")
 
 
-def test_the_underside_and_what_is_under_the_table_get_no_snow():
-    after = grown("snow")
-    means = stage().means
-    belly = ((means - torch.tensor((0, 0, TABLE + BALL))).norm(dim=1) < BALL) & (
-        means[:, 2] < TABLE + 0.7 * BALL
-    )
-    assert belly.sum() > 100
-    assert not (after.changed[: len(means)] & belly).any()
-    x, y, z = added(after).means.T
-    under = (torch.hypot(x, y) < 0.3) & (z < TABLE - 0.1)
-    assert not under.any()
-    assert (z > TABLE + 1.5 * BALL).any()
-    assert (z < FLOOR + 0.2).any()
+def test_fallen_leaves_lie_on_what_is_level():
+    x, y, z = added(grown("leaves")).means.reshape(-1, len(LEAF), 3).mean(1).T
+    rest = torch.where(torch.hypot(x, y) < 0.61, TABLE, FLOOR)
+    lies = ((z - rest).abs() < 0.12) | (z > TABLE + 1.75 * BALL)
+    assert float(lies.double().mean()) > 0.955
 
 
-def test_moss_grows_on_walls_and_dust_does_not():
-    def on_the_leg(name):
-        x, y, z = added(grown(name)).means.T
-        return int(((torch.hypot(x, y) < 0.13) & (z < 0.1) & (z > FLOOR + 0.05)).sum())
-
-    assert on_the_leg("moss") > 20
-    assert on_the_leg("dust") == 0
+def test_far_ground_gets_snow_and_floaters_beside_it_do_not():
+    random = torch.rand(3000, 3, generator=torch.Generator().manual_seed(0))
+    ground = random * torch.tensor((2.0, 3.0, 0.0)) + torch.tensor((-5.0, -1.5, FLOOR))
+    leaves = random[:400] + torch.tensor((3.5, -0.5, FLOOR))
+    up = torch.tensor((0.0, 0.0, 1.0)).expand(3000, 3)
+    scene = concatenate(stage(), discs(ground, up, 0.05), discs(leaves, up[:400], 0.05))
+    x = added(grow(scene, "snow", 1.0, None, cameras())).means[:, 0]
+    assert (x < -3.2).sum() > 100
+    assert not (x > 3.2).any()
 
 
 def test_snow_is_darker_where_it_turns_from_the_sun():

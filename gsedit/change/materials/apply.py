@@ -141,9 +141,9 @@ AROUND = 0.06
 """Standard deviation of what counts as around, in radii of the part."""
 SOLID = 0.9
 """Share of its fullest pixel from which a part's color is told there: haze may veil it all."""
-FINE, STEEPER, QUIET = (0.15, 1.2), 2.0, 0.1
-"""Least and largest ratio to what is around, its power (Gaussians blur it again), and its logarithm
-that polish takes from discs: grain goes, joints stay."""
+FINE, STEEPER, QUIET = (0.15, 2.0), (2.0, 1.6), (-0.12, -3.0)
+"""Least and largest ratio to what is around; its powers on Gaussians, which blur it, and on discs;
+its logarithm at which these begin to show it, and how fast: grain goes, joints stay."""
 BESIDE = 3
 """Discs whose mean color a Gaussian in their place gets."""
 AGREED, SHARP = 0.75, 1.2
@@ -185,6 +185,8 @@ AROUND_WEIGHT = 0.05
 """Weight of directions without cameras, against the mean one."""
 WHITENED = 0.6
 """Share of white in light that is much too bright for a display."""
+HANGS = 1.4
+"""Height of lamps over a part, in its radii: far ones would light a flat top alike."""
 UNSURE = 0.5
 """Median confidence of normals below which Gaussians show no surface."""
 NEAR_EYES = 0.02
@@ -343,7 +345,7 @@ def study(
     bare = Skin(some.means, flat, open_, torch.arange(len(some)))
     weight = visible_area(some) if weights is None or discs is not None else weights[inside]
     around = find_surroundings(scene, inside, up, cameras=cameras)
-    light, notes = _light(around, up, color[few.rows], bare.share, weight, matte)
+    light, notes = _light(around, up, radius, color[few.rows], bare.share, weight, matte)
     chunks = torch.arange(len(some)).split(AT_ONCE)
     sides = torch.cat([arriving(light, bare[rows]) for rows in chunks])
     skin = Skin(part.means, directions, few.spread(open_), torch.arange(len(part)))
@@ -368,6 +370,7 @@ def _ground(
 def _light(
     around: Surroundings,
     up: Float[Tensor, "3"],
+    radius: float,
     color: Float[Tensor, "k 3"],
     share: Float[Tensor, "k d"],
     weight: Float[Tensor, " k"],
@@ -382,7 +385,7 @@ def _light(
     around = balanced(around)
     if matte:
         return lighting(around), tuple(notes)
-    mirrored, mixed = contrasted(around, up)
+    mirrored, mixed = contrasted(around, up, HANGS * radius)
     notes += [MIXED] if mixed and not around.studio else []
     return lighting(around, mirrored), tuple(notes)
 
@@ -463,11 +466,11 @@ def seen_detail(
         ratio = np.clip(light @ LUMINANCE / (soft @ LUMINANCE), *FINE)
         stone = 1 / (1 + (hue.max(-1) * np.minimum(ratio, 1) / HUE) ** 2)
         maps.append(torch.from_numpy(np.log(ratio) * stone).float())
-    found = lift(scene, some, maps).mean[inside]
+    found = STEEPER[0] * lift(scene, some, maps).mean[inside]
     if laid.count:
         there = lift(laid.scene, some, maps).mean[-laid.count :]
-        found = torch.cat((found, (there + QUIET).clamp(max=0)))
-    return (STEEPER / GAMMA * found).exp()
+        found = torch.cat((found, STEEPER[1] * there * (QUIET[1] * (there - QUIET[0])).clamp(0, 1)))
+    return (found / GAMMA).exp()
 
 
 def _normals(

@@ -22,6 +22,7 @@ from gsedit.scene.color_space import linear_of_srgb, srgb_of_hex
 from gsedit.scene.quaternions import even_directions
 from gsedit.views.noise import noise
 from gsedit.views.surroundings import (
+    FAINT,
     ROWS,
     Surroundings,
     cell_directions,
@@ -283,35 +284,24 @@ def lighting(surroundings: Surroundings, mirrored: Surroundings | None = None) -
     """The surroundings, made ready, and as they are mirrored; without `maps` for what is matte."""
     plain = softened(surroundings, ARRIVING)
     maps = plain[None][:0] if mirrored is None else prefiltered(mirrored)
-    return Lighting(surroundings, maps, plain)
+    return Lighting(mirrored or surroundings, maps, plain)
 
 
 def reflectance(material: Material, ground: Ground) -> Reflectance:
     """The parameters of a material at each point of the ground, with its patterns."""
-    n = len(ground.points)
-    like = ground.points
+    points = ground.points
 
-    def even(value: float) -> Tensor:
-        return like.new_full((n,), value)
+    def even(of: Material | Layer) -> Float[Tensor, "n 6"]:
+        numbers = torch.tensor((of.metalness, of.roughness, of.glow))
+        return torch.cat((_linear(of.color), numbers)).to(points).expand(len(points), 6)
 
-    found = Reflectance(
-        _linear(material.color).to(like).expand(n, 3),
-        even(material.metalness),
-        even(material.roughness),
-        even(material.coat),
-        even(material.glow),
-    )
+    found, coat = even(material), points.new_full((len(points),), material.coat)
     for layer in material.layers:
         share = share_of(layer, ground)
-        bare = 1 - share if layer.roughness > material.roughness else torch.ones_like(share)
-        found = Reflectance(
-            torch.lerp(found.color, _linear(layer.color).to(like).expand(n, 3), share[:, None]),
-            torch.lerp(found.metalness, even(layer.metalness), share),
-            torch.lerp(found.roughness, even(layer.roughness), share),
-            found.coat * bare,
-            torch.lerp(found.glow, even(layer.glow), share),
-        )
-    return found
+        found = torch.lerp(found, even(layer), share[:, None])
+        coat = coat * (1 - share) if layer.roughness > material.roughness else coat
+    metalness, roughness, glow = found[:, 3:].unbind(1)
+    return Reflectance(found[:, :3], metalness, roughness, coat, glow)
 
 
 def arriving(light: Lighting, skin: Skin) -> Float[Tensor, "n 2 3"]:
@@ -407,12 +397,14 @@ def environment_brdf(
     head_on: Float[Tensor, "p 3"], roughness: Float[Tensor, " p"], cosine: Float[Tensor, " p"]
 ) -> Float[Tensor, "p 3"]:
     """Share of the prefiltered light that is reflected: Karis' fit (2014) of the split sum's second
-    part for GGX and Schlick."""
+    part for GGX and Schlick. Metals keep their hue but for the last degrees (Hoffman 2019)."""
     x, y = 1 - roughness, -0.0275 * roughness + 0.0425
     z, w = -0.572 * roughness + 1.04, 0.022 * roughness - 0.04
     a = torch.minimum(x * x, torch.exp2(-9.28 * cosine)) * x + y
     scale, offset = -1.04 * a + z, 1.04 * a + w
-    return head_on * scale[..., None] + offset[..., None]
+    hue = head_on / head_on.amax(-1, keepdim=True).clamp_min(FAINT)
+    edge = torch.lerp(hue, torch.ones_like(hue), ((1 - cosine) ** 5)[..., None])
+    return head_on * scale[..., None] + edge * offset[..., None]
 
 
 def mirror_of(

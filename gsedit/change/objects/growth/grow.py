@@ -414,8 +414,8 @@ TAIL = 0.02
 """Share of the centers, on either side, that an extent leaves out."""
 HOLES = 8
 """Pixels of half a hole in a surface that is closed."""
-SLUMP, PITS = 4, 2
-"""Pixels around, of which most make it lie on a bare spot too; of half a pit that it closes."""
+SLUMP, PITS = (8, 4), 2
+"""Pixels around, of which most close a bare spot, and fewer for growths on walls; of half a pit."""
 THINNER = (1.0, 0.5, 0.25)
 """Thicknesses that are tried: on what is narrow, as a tail, a layer is as thin as it is wide."""
 LEAST_HEIGHT = 0.05
@@ -578,9 +578,9 @@ def _patch(
     normals = relief.normals()
     own = (normals @ axes.T).argmax(-1) == which
     spots = site.spots(relief.points[relief.there], normals[relief.there])
-    share = torch.zeros_like(relief.heights)
-    share[relief.there] = growth.where(spots)
-    around = torch.nn.functional.avg_pool2d(share[None], 2 * SLUMP + 1, 1, SLUMP)[0]
+    share = torch.zeros_like(relief.heights).masked_scatter(relief.there, growth.where(spots))
+    reach = SLUMP[growth.around]
+    around = torch.nn.functional.avg_pool2d(share[None], 2 * reach + 1, 1, reach)[0]
     share = torch.maximum(share, around) * own
     heights = torch.where(relief.there, relief.heights, lowest)
     tops = (
