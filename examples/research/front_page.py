@@ -15,7 +15,7 @@ import resource
 import subprocess
 import time
 from collections.abc import Callable
-from datetime import datetime, timezone
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated
 
@@ -127,7 +127,7 @@ def main(
     rows = [(WHAT[row], *(_cell(*kept[f"{row} {name}"]) for name in SUBJECTS)) for row in ROWS]
     if "render" in kept:
         rows.append((RENDER, "", kept["render"], ""))
-    when = datetime.now(timezone.utc).date()
+    when = datetime.now(UTC).date()
     where = f"{machine()}; commit {kept['commit']}; {when}. One run a cell."
     found = f"{markdown_table(('what', *SUBJECTS), rows)}\n\n{where}"
     for page in PAGES if docs else ():

@@ -166,6 +166,7 @@ def spline(cameras: Sequence[Camera], frames: int) -> tuple[Camera, ...]:
     from scipy.interpolate import CubicSpline
     from scipy.spatial.transform import Rotation, RotationSpline
 
+    cameras = [*cameras] * (2 if len(cameras) == 1 else 1)  # older scipy has no empty rotations
     poses = np.stack([camera.world_to_camera.detach().double().numpy() for camera in cameras])
     turns = Rotation.from_matrix(poses[:, :3, :3]).inv()
     eyes = -np.einsum("vji,vj->vi", poses[:, :3, :3], poses[:, :3, 3])

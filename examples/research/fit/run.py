@@ -9,7 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from datetime import datetime, timezone
+from datetime import UTC, datetime
 from pathlib import Path
 from statistics import fmean as mean
 from typing import NamedTuple
@@ -55,7 +55,7 @@ class Provenance:
 
 def provenance() -> Provenance:
     """Provenance of a measurement that is taken now."""
-    date = datetime.now(timezone.utc).isoformat(timespec="seconds")
+    date = datetime.now(UTC).isoformat(timespec="seconds")
     return Provenance(torch.get_num_threads(), commit(), machine(), date)
 
 
