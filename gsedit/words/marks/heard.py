@@ -55,8 +55,6 @@ TOO = r"\btoo\b(?:\W+\w+){0,5}?\W+"
 """Words before a quality that there is too much of."""
 TURNED = re.compile(rf"\b(?:{spans('turned')}|to(?= \w+$))\b|n't\b|'s\b", re.IGNORECASE)
 """Words beside which a quality may be what there is too much of."""
-WHY = re.compile(r",? because (?:i|we) (?:like|love|want|prefer) (?:it|that)\W*$", re.IGNORECASE)
-"""A reason at the end of a sentence."""
 CLAUSE = re.compile(r"[^|,;.:!?\n]+")
 TAKEN_BACK = re.compile(r"\b(?:no|wait|sorry|actually|hang on|i mean|rather)\b", re.IGNORECASE)
 """Words that take back what is before them."""
@@ -65,7 +63,8 @@ TELLS = re.compile(rf"\b(?:{spans('tells')})\b|'(?:s|m|ve|t)\b", re.IGNORECASE)
 QUALITIES = ("color", "material", "light", "look", "style", "growth", "finish")
 """Kinds of words that say what something becomes."""
 VAGUE = re.compile(
-    rf"{LED}(?:clean|tidy|declutter|bring|throw)\b(?!.*\b(?:off|out|away|from)\b)", re.I
+    rf"{LED}(?:clean|tidy|declutter|bring|throw)\b(?!.*\b(?:off|out|away|from)\b)|\b(?:recover|isolate)\b",
+    re.I,
 )
 """A sentence that may mean that something goes, and may not."""
 REFUSED = 0.6
@@ -105,9 +104,9 @@ def stays_unheard(text: str, changes: Sequence[Change]) -> str:
 
 def denied(said: Marked) -> bool:
     """Whether a sentence only says what must not be."""
-    if TOLD_OF.search(said.text):
-        return True
-    return DENIED.search(said.text) is not None and not (said.kept or INSTEAD.search(said.text))
+    ways = {w.value for w in scanned(said.text) if w.kind in ("state", "turn")}
+    asks = said.kept or INSTEAD.search(said.text) or len({w[:-1] for w in ways}) < len(ways)
+    return bool(TOLD_OF.search(said.text) or (DENIED.search(said.text) and not asks))
 
 
 def unsure(said: Marked, files: Sequence[str] = ()) -> bool:
@@ -162,7 +161,7 @@ def _lost(word: Word, made: str, *, toned: bool) -> bool:
 def heard(text: str, files: Sequence[str] = ()) -> tuple[tuple[Change, ...], bool, tuple[str, ...]]:
     """(changes that the network marks in a text, in which a noun stands for each of `files`;
     whether they are sure; words that are in none). Raises Refused."""
-    text = WHY.sub("", spelled(plainly(text)))
+    text = spelled(plainly(text))
     said = marked(text)
     if denied(said):
         raise Refused("negation")

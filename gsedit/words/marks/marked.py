@@ -168,7 +168,8 @@ ARTICLES = re.compile(r"^(?:(?:on|of|in|to|for|at|just|only) )+(?=\w)|^(?:an?|on
 ARTICLE = re.compile(r"^(?:the )?(?:the|an?|its?|their|his|her|my)$", re.IGNORECASE)
 """A mark that names nothing."""
 QUALITY = re.compile(
-    r"(?<!the)(?<!its)(?<!their)(?:'s?)? (?:own |original )?(?:colou?rs?|brightness|blue)$"
+    r"(?<!the)(?<!its)(?<!their)(?:'s?)? (?:own |original )?(?:colou?rs?|brightness|blue)$|"
+    r"'s?$|(?: (?:which|rests))+$"
 )
 """Words for a quality behind a thing that stays: "the cake's brightness"."""
 OWNED = re.compile(r"^(?:the|my|our|your|his|her|its|their|this|that|these|those) ")

@@ -187,7 +187,7 @@ def _toned(asked: Asked, text: str) -> Change:
         raise Refused("nonsense")
     if given.factor is not None and given.factor != 1:
         agrees = (given.factor > 1) == (sign > 0) or given.factor == 0
-        factor = given.factor if agrees else 1 / given.factor
+        factor = given.factor if agrees else given.factor + 1 if sign > 0 else 1 / given.factor
         return tone(name, round(factor - 1, 4))
     if given.share is not None:
         return tone(name, sign * abs(given.share))

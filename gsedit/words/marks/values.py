@@ -76,7 +76,7 @@ def plainly(text: str) -> str:
 
     solid = (each for each in _facts("material") if lexicon.entries()[each].kind == "material")
     like = LIKE.format(lexicon.spans("like", *solid))
-    for pattern in (rf"(?<![\w-])(?:{lexicon.spans('said')})(?![\w-])", like):
+    for pattern in (rf"(?<![\w-])(?:{lexicon.spans('said')})(?![\w-]| ?%)", like):
         text = re.sub(pattern, plain, text, flags=re.IGNORECASE)
     alone = None if "?" in text else _alone(text)
     frame = lexicon.things("frame").get(alone.kind) if alone else None
