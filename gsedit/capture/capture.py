@@ -313,15 +313,14 @@ class _Mapping:
 
     def _map(self, database: Path, key: str) -> Working:
         """The models of an attempt, the largest first, and the key of their stage."""
-        settings, task = self.settings, f"{self.settings.mapper} mapping"
-        asked = {"count": len(self.prepared.photos), "seed": settings.seed}
-        key = fingerprint(key, task, asked)
+        asked = {"count": len(self.prepared.photos), "seed": self.settings.seed}
+        key = fingerprint(key, "incremental mapping", asked)
         folder = self.stages.place(f"models-{key}")
         if not self.stages.answer("mapping", key).exists():
             remove(folder)
         places = {"database": database, "images": self.images, "output": folder}
         request = {**{name: str(path) for name, path in places.items()}, **asked}
-        answer = yield from self.stages.run("mapping", key, request, task=task)
+        answer = yield from self.stages.run("mapping", key, request)
         order = sorted(
             answer["models"], key=lambda model: (len(model["poses"]), model["points"]), reverse=True
         )

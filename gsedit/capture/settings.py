@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 Lens = Literal["radial", "opencv", "fisheye"]
-Mapper = Literal["incremental", "global"]
 Pair = tuple[int, int]
 
 LENSES = {
@@ -37,9 +36,6 @@ class CaptureSettings:
     """Longer side of the photos that are written, pixels; they are never made larger."""
     features: int = 2048
     """SIFT features of a photo, at most."""
-    mapper: Mapper = field(default="incremental", metadata={"flag": "--mapper"})
-    """COLMAP's incremental mapping, or its global one (GLOMAP), which is faster on hundreds of
-    photos and needs good focal lengths."""
     lens: Lens = field(default="radial", metadata={"flag": "--lens"})
     """Distortion to estimate: radial (k1, k2), opencv (with p1, p2 and two focal lengths), or
     fisheye."""

@@ -213,11 +213,10 @@ class Stages:
         key: str,
         request: Mapping[str, Any],
         *,
-        task: str = "",
         look: Callable[[], Step] | None = None,
     ) -> Working:
-        """The answer of a task of the child process (named like the stage, or `task`), from before
-        or from now. `look`: how far a task is that does not say so itself."""
+        """The answer of a task of the child process, named like the stage, from before or from now.
+        `look`: how far a task is that does not say so itself."""
         path = self.answer(stage, key)
         if path.exists():
             yield self.event(stage, 1, 1, "done before")
@@ -225,7 +224,7 @@ class Stages:
         last = look() if look else Step(0, 0)
         yield self.event(stage, last.step, last.steps, last.note)
         request = {**request, "threads": self.threads}
-        steps = run(task or stage, request, self.log, look)
+        steps = run(stage, request, self.log, look)
         try:
             while True:
                 step = next(steps)

@@ -200,26 +200,6 @@ def map_incrementally(say: Say, database: str, images: str, output: str, count: 
     return {"models": [_model(index, model) for index, model in models.items()]}
 
 
-def map_globally(say: Say, database: str, images: str, output: str, count: int, seed: int,
-                 threads: int) -> dict[str, Any]:  # fmt: skip
-    """Global mapping, on a copy of the database whose focal lengths are calibrated first."""
-    Path(output).mkdir(parents=True)
-    calibrated = Path(output) / "calibrated.db"
-    with pycolmap.Database.open(database):
-        pass  # whoever closes it last merges its write-ahead log, which the copy would lack
-    shutil.copyfile(database, calibrated)
-    say("step", step=0, steps=0, note="focal lengths from the matches")
-    calibration = pycolmap.ViewGraphCalibrationOptions()
-    calibration.random_seed = seed
-    pycolmap.calibrate_view_graph(calibrated, calibration)
-    say("step", step=0, steps=0, note="rotations, then positions")
-    options = pycolmap.GlobalPipelineOptions()
-    options.num_threads, options.random_seed = threads, seed
-    models = pycolmap.global_mapping(calibrated, images, output, options)
-    calibrated.unlink()
-    return {"models": [_model(index, model) for index, model in models.items()]}
-
-
 def _model(index: int, model: pycolmap.Reconstruction) -> dict[str, Any]:
     posed = [image for image in model.images.values() if image.has_pose]
     return {
@@ -328,8 +308,7 @@ TASKS = {
     "pairs": common,
     "matches": match,
     "points": points,
-    "incremental mapping": map_incrementally,
-    "global mapping": map_globally,
+    "mapping": map_incrementally,
     "refinement": refine,
     "undistortion": undistort,
 }

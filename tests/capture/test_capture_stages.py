@@ -75,7 +75,7 @@ def test_photos_without_a_pose_are_matched_with_all_others(tmp_path, monkeypatch
             seen = {"inliers": 99, "flat": False, "shift": 1.0}
             pairs = [{"names": line.split(), **seen} for line in asked[-1]]
             answer = {"features": {}, "pairs": pairs}
-        elif task == "incremental mapping":
+        elif task == "mapping":
             poses = dict.fromkeys(f"{i}.png" for i in range(5 + ("0.png 5.png" in asked[-1])))
             answer = {"models": [{"folder": "0", "poses": poses, "points": 1}]}
         else:

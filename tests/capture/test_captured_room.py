@@ -75,7 +75,7 @@ def test_what_changes_is_done_again_and_no_more(captured, monkeypatch, tmp_path)
     monkeypatch.setattr(stages, "run", run)
     for each in (scene / "work").glob("results-*.json"):  # as where their writing was interrupted
         each.unlink()
-    for words in ([], ["--mapper", "global"], ["--seed", 1], ["--lens", "opencv"]):
+    for words in ([], ["--seed", 1], ["--lens", "opencv"]):
         result = gsedit("capture", captured.photos, "-o", scene, *FEW, *words)
         assert result.exit_code == 130
         assert f"kept in {scene / 'work'}: go on with the same command" in result.stderr
@@ -83,7 +83,5 @@ def test_what_changes_is_done_again_and_no_more(captured, monkeypatch, tmp_path)
     (photos / "photo_03.jpg").unlink()
     gsedit("capture", photos, "-o", scene, *FEW)
     gsedit("capture", captured.photos, "-o", scene, *FEW, "-f")
-    assert asked == [
-        "undistortion", "global mapping", "matches", "features", "features", "features",
-    ]  # fmt: skip
+    assert asked == ["undistortion", "matches", "features", "features", "features"]
     assert not (scene / "images").exists()  # -f began anew
