@@ -25,6 +25,7 @@ SIZES = (0.1, 10.0)
 MOST_COPIES = 20
 METRES = {unit: float(metres) for unit, metres in things("metres").items()}
 UNIT = re.compile(rf"(?<![a-z])({spans('metres')})\b")
+LENGTH = re.compile(rf"\S+ ?(?<![a-z])(?:{spans('metres')})\b")
 TURNS: dict[str, float] = {"quarter": 90.0, "half": 180.0, "full": 360.0}
 """Degrees of a part of a turn."""
 AROUND = re.compile(rf"\b(?:{spans('half')})\b", re.IGNORECASE)
@@ -113,8 +114,9 @@ def _turn(asked: Asked, text: str, phrase: str) -> tuple[float, None]:
 
 
 def _copy(asked: Asked, text: str, phrase: str) -> tuple[float | None, Place]:
-    number = number_of(scanned(asked.amount))
+    number = number_of(scanned(LENGTH.sub("", asked.amount)))
     count = int(number) if number is not None and number >= 1 else 1
+    count -= asked.amount in ("double", "triple")  # the thing itself is one of them
     if count > MOST_COPIES:
         raise Refused("copies")
     side, of = place_of(asked)

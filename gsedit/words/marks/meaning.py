@@ -197,7 +197,7 @@ def _toned(asked: Asked, text: str) -> Change:
 def _amount(asked: Asked) -> str:
     """Words of an amount with those beside it that tell what remains from what is added."""
     led = asked.amount.startswith(("to ", "at ", "by "))
-    after = asked.after if asked.after in ("of", "as") else ""
+    after = asked.after if asked.after in ("of", "as", "x", "times") else ""
     return f"{'' if led or not asked.amount else 'by '}{asked.amount} {after}".strip()
 
 

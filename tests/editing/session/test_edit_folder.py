@@ -45,7 +45,7 @@ def test_one_call_writes_the_folder_of_the_command(edited, tmp_path):
     assert record["view_plan"]["batches"] == [list(batch) for batch in result.view_plan.batches]
     assert [each["name"] for each in record["decisions"]] == list(DECISIONS)
     assert record["edited_views"] == [view.name for view in result.targets]
-    assert record["versions"]["torch"] == torch.__version__.split("+")[0]
+    assert torch.__version__.startswith(record["versions"]["torch"])
 
 
 def test_files_are_replaced_only_if_asked(edited, tmp_path):
