@@ -67,6 +67,11 @@ VAGUE = re.compile(
     re.I,
 )
 """A sentence that may mean that something goes, and may not."""
+SCENIC = ("light", "weather", "look")
+STAYING = re.compile(
+    rf"{STAYS.pattern}|\b(?:not?|never|dont|only|but|alone|just|more|less)\b|n't\b", re.I
+)
+"""Words without which a light of all that is there leaves nothing as it is, or changed by some."""
 REFUSED = 0.6
 """Least probability that nothing can be done."""
 UNSURE = 0.7
@@ -115,7 +120,9 @@ def unsure(said: Marked, files: Sequence[str] = ()) -> bool:
     least = min((each.sure for each in asked), default=1.0)
     vague = bool(VAGUE.search(said.text)) and any(each.deed == "remove" for each in said.asked)
     doubted = vague or any(turned(each, said.text) for each in said.asked)
-    return doubted or least < UNSURE or said.more > MORE or said.kept_more > KEPT_MORE
+    all_of_it = said.asked and all(c.deed in SCENIC and c.part == "scene" for c in said.asked)
+    stays = said.kept_more > KEPT_MORE and not (all_of_it and not STAYING.search(said.text))
+    return doubted or least < UNSURE or said.more > MORE or bool(stays)
 
 
 def turned(asked: Asked, text: str) -> bool:
