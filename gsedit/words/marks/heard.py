@@ -13,7 +13,7 @@ from functools import lru_cache
 from gsedit.words.amounts import DEFAULT
 from gsedit.words.instruction import Change
 from gsedit.words.lexicon import spans
-from gsedit.words.marks.marked import Asked, Marked, pieces, spelled, told
+from gsedit.words.marks.marked import TAKEN_BACK, Asked, Marked, pieces, spelled, told
 from gsedit.words.marks.meaning import changes_of
 from gsedit.words.marks.values import plainly
 from gsedit.words.refusals import Refused
@@ -56,8 +56,6 @@ TOO = r"\btoo\b(?:\W+\w+){0,5}?\W+"
 TURNED = re.compile(rf"\b(?:{spans('turned')}|to(?= \w+$))\b|n't\b|'s\b", re.IGNORECASE)
 """Words beside which a quality may be what there is too much of."""
 CLAUSE = re.compile(r"[^|,;.:!?\n]+")
-TAKEN_BACK = re.compile(r"\b(?:no|wait|sorry|actually|hang on|i mean|rather)\b", re.IGNORECASE)
-"""Words that take back what is before them."""
 TELLS = re.compile(rf"\b(?:{spans('tells')})\b|'(?:s|m|ve|t)\b", re.IGNORECASE)
 """Words of a clause that only tells what there is."""
 QUALITIES = ("color", "material", "light", "look", "style", "growth", "finish")
