@@ -13,7 +13,7 @@ from functools import lru_cache
 from gsedit.words.amounts import DEFAULT
 from gsedit.words.instruction import Change
 from gsedit.words.lexicon import spans
-from gsedit.words.marks.marked import Asked, Marked, pieces, spelled, told
+from gsedit.words.marks.marked import TAKEN_BACK, Asked, Marked, pieces, spelled, told
 from gsedit.words.marks.meaning import changes_of
 from gsedit.words.marks.values import plainly
 from gsedit.words.refusals import Refused
@@ -56,8 +56,6 @@ TOO = r"\btoo\b(?:\W+\w+){0,5}?\W+"
 TURNED = re.compile(rf"\b(?:{spans('turned')}|to(?= \w+$))\b|n't\b|'s\b", re.IGNORECASE)
 """Words beside which a quality may be what there is too much of."""
 CLAUSE = re.compile(r"[^|,;.:!?\n]+")
-TAKEN_BACK = re.compile(r"\b(?:no|wait|sorry|actually|hang on|i mean|rather)\b", re.IGNORECASE)
-"""Words that take back what is before them."""
 TELLS = re.compile(rf"\b(?:{spans('tells')})\b|'(?:s|m|ve|t)\b", re.IGNORECASE)
 """Words of a clause that only tells what there is."""
 QUALITIES = ("color", "material", "light", "look", "style", "growth", "finish")
@@ -67,6 +65,11 @@ VAGUE = re.compile(
     re.I,
 )
 """A sentence that may mean that something goes, and may not."""
+SCENIC = ("light", "weather", "look")
+STAYING = re.compile(
+    rf"{STAYS.pattern}|\b(?:not?|never|dont|only|but|alone|just|more|less)\b|n't\b", re.I
+)
+"""Words without which a light of all that is there leaves nothing as it is, or changed by some."""
 REFUSED = 0.6
 """Least probability that nothing can be done."""
 UNSURE = 0.7
@@ -115,7 +118,9 @@ def unsure(said: Marked, files: Sequence[str] = ()) -> bool:
     least = min((each.sure for each in asked), default=1.0)
     vague = bool(VAGUE.search(said.text)) and any(each.deed == "remove" for each in said.asked)
     doubted = vague or any(turned(each, said.text) for each in said.asked)
-    return doubted or least < UNSURE or said.more > MORE or said.kept_more > KEPT_MORE
+    all_of_it = said.asked and all(c.deed in SCENIC and c.part == "scene" for c in said.asked)
+    stays = said.kept_more > KEPT_MORE and not (all_of_it and not STAYING.search(said.text))
+    return doubted or least < UNSURE or said.more > MORE or bool(stays)
 
 
 def turned(asked: Asked, text: str) -> bool:

@@ -295,6 +295,10 @@ NUMBER = re.compile(
     re.IGNORECASE,
 )
 """An amount in a sentence."""
+TAKEN_BACK = re.compile(
+    r"(?<!^)\b(?:no|wait|sorry|actually|hang on|i mean|rather|scratch that)\b", re.IGNORECASE
+)
+"""Words that take back what is before them."""
 MEASURED = ("tone", "scale", "turn", "move")
 """Deeds that have an amount."""
 
@@ -304,8 +308,11 @@ def _counted(
 ) -> tuple[list[Asked], float]:
     """Changes with the amount that is said and not marked, where one alone can have it; and the
     chance of a change that is not told, 1 where an amount belongs to none."""
+    back = max((each.start() for each in TAKEN_BACK.finditer(text)), default=0)
+    if not NUMBER.search(text, back):
+        back = 0
     for found in NUMBER.finditer(text):
-        if any(a < found.end() and found.start() < b for a, b in marked):
+        if found.end() <= back or any(a < found.end() and found.start() < b for a, b in marked):
             continue
         measured = [i for i, each in enumerate(asked) if each.deed in MEASURED]
         free = [i for i in measured if not asked[i].amount]
