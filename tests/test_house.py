@@ -12,7 +12,7 @@ ROOT = Path(__file__).parents[1]
 LONGEST_FUNCTION = 40
 """Lines, the docstring not counted."""
 MOST = {
-    "product": (("gsedit", "cli", "rasterizer"), 64_946, 367),
+    "product": (("gsedit", "cli", "rasterizer"), 64_942, 367),
     "tests": (("tests",), 30_832, 285),
     "examples": (("examples",), 5_456, 41),
 }

@@ -102,8 +102,9 @@ def plan_edit(scene: Gaussians, sentence: str, views: Views | None = None, **how
     Raises UsageError as `edit_steps` does.
     """
     job = prepare(scene, sentence, views, **how)
-    assert job.method is not None
-    step = next(each for each in job.steps if not is_exact(each))
+    step = next((each for each in job.steps if not is_exact(each)), None)
+    if step is None or job.method is None:
+        raise UsageError(f"{sentence}: this is done on the Gaussians, and no view is edited")
     (step,) = aimed_at((step,), job.finder.region)
     parts = find_parts((step,), job.finder, job.method.editor)
     return explained(job.request(scene, step, parts.now(key_of(step.changes[0]))))

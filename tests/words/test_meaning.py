@@ -35,7 +35,7 @@ def meant(*changes: Asked, text: str = "", kept: tuple[str, ...] = ()) -> list[C
         ("half", "as", -1, -0.5), ("a third", "darker", -1, -1 / 3), ("two stops", "", 1, 3.0),
         ("half a stop", "", -1, 2**-0.5 - 1), ("a third of a stop", "", -1, 2 ** (-1 / 3) - 1),
         ("a stop", "", -1, -0.5), ("+20", "", 1, 0.2), ("-10", "", -1, -0.1), ("", "", 1, 0.2),
-        ("1.5x", "", 1, 0.5), ("by twenty-five percent", "", 1, 0.25), ("double", "", 1, 1.0),
+        ("1.5x", "", 1, 0.5), ("by 25 percent", "", 1, 0.25), ("2", "x", 1, 1.0), ("2", "x", -1, -0.5),
     ],
 )  # fmt: skip
 def test_an_amount_of_a_tone_is_a_signed_share(amount, after, sign, share):
@@ -145,11 +145,12 @@ def test_what_stays_is_left_out_of_what_changes():
 def test_it_is_what_was_named_or_made_last():
     vase = asked("move", part="span", of="the vase", way="left", to="to the left")
     assert [each.phrase for each in meant(vase, asked("paint", name="red"))] == ["the vase"] * 2
-    copied = asked("copy", part="span", of="the vase", way="beside")
-    assert meant(copied, asked("material", name="gold"))[1].phrase == "the copy"
-    gone = asked("remove", part="span", of="the vase")
-    after = meant(gone, asked("tone", part="scene", tone="warmth", sign=1))
-    assert (after[1].target, after[1].phrase) == ("scene", "")
+    for said in ("", "double", "30 cm"):  # one copy
+        copied = asked("copy", part="span", of="the vase", way="beside", amount=said)
+        copy, gold = meant(copied, asked("material", name="gold"))
+        assert (copy.amount, gold.phrase) == (None, "the copy")
+    gone, warm = asked("remove", of="the vase"), asked("tone", part="scene", tone="warmth", sign=1)
+    assert meant(gone, warm)[1].phrase == ""
 
 
 @pytest.mark.parametrize(

@@ -141,7 +141,7 @@ AROUND = 0.06
 """Standard deviation of what counts as around, in radii of the part."""
 SOLID = 0.9
 """Share of its fullest pixel from which a part's color is told there: haze may veil it all."""
-FINE, STEEPER, QUIET = (0.15, 2.0), (2.0, 1.6), (-0.12, -3.0)
+FINE, STEEPER, QUIET = (0.15, 2.0), (2.0, 2.4), (-0.05, -4.0)
 """Least and largest ratio to what is around; its powers on Gaussians, which blur it, and on discs;
 its logarithm at which these begin to show it, and how fast: grain goes, joints stay."""
 BESIDE = 3
