@@ -72,11 +72,12 @@ def style(
 def perceptual(
     image: Float[Tensor, "*n h w 3"], target: Float[Tensor, "*n h w 3"]
 ) -> Float[Tensor, ""]:
-    """The learned distance, whose weights must be installed."""
-    from gsedit.measures.perceptual import perceptual_distance
+    """The learned distance. Raises UsageError where its weights are not installed."""
+    from gsedit.measures.perceptual import INSTALL, perceptual_distance
 
     distance = perceptual_distance()
-    assert distance is not None
+    if distance is None:
+        raise UsageError(f"the loss perceptual needs weights that are not installed: {INSTALL}")
     return distance(image, target)
 
 

@@ -114,8 +114,7 @@ def _turn(asked: Asked, text: str, phrase: str) -> tuple[float, None]:
 
 
 def _copy(asked: Asked, text: str, phrase: str) -> tuple[float | None, Place]:
-    number = number_of(scanned(LENGTH.sub("", asked.amount)))
-    count = int(number) if number is not None and number >= 1 else 1
+    count = max(1, int(number_of(scanned(LENGTH.sub("", asked.amount))) or 1))
     count -= asked.amount in ("double", "triple")  # the thing itself is one of them
     if count > MOST_COPIES:
         raise Refused("copies")
