@@ -21,10 +21,10 @@ from torch import Tensor
 
 from bench.object_cases import CASES, NOON, Case, placed
 from bench.staged import Labelled, Stage
-from gsedit.change.light.kinds import LightSetup, Sun
 from gsedit.change.light.relight import relit
+from gsedit.change.light.setup import LightSetup, Sun
 from gsedit.change.materials.apply import in_material
-from gsedit.change.materials.kinds import paint_of
+from gsedit.change.materials.material import paint_of
 from gsedit.change.objects.growth.grow import grow
 from gsedit.change.objects.growth.places import GROWTHS, LEAST, MOST
 from gsedit.change.objects.placing.insert import insert

@@ -12,7 +12,7 @@ from html import escape
 
 from gsedit.app.reading import Knob, Reading, read, turned
 from gsedit.app.tab import button
-from gsedit.change.materials.kinds import MATERIALS
+from gsedit.change.materials.material import MATERIALS
 from gsedit.words.instruction import Change, Instruction, sentence_of
 from gsedit.words.lexicon import names, styles
 

@@ -24,10 +24,10 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from gsedit.change import objects
-from gsedit.change.light.kinds import setup_of
 from gsedit.change.light.relight import relit
+from gsedit.change.light.setup import setup_of
 from gsedit.change.materials.apply import in_material
-from gsedit.change.materials.kinds import material_of, paint_of
+from gsedit.change.materials.material import material_of, paint_of
 from gsedit.change.objects.growth.grow import grow
 from gsedit.change.objects.growth.places import FALLS
 from gsedit.change.objects.placing.placement import Placement, RelativePlace, Side

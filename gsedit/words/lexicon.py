@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import NamedTuple
 
 from gsedit.words.instruction import Change
-from gsedit.words.names import LIGHTS, SCENERIES, light_of, named
+from gsedit.words.names import LIGHTS, LOOKS, SCENERIES, light_of, named
 
 TABLE = Path(__file__).with_name("lexicon.txt")
 THINGS = TABLE.with_name("things.txt")
 ALIASES = TABLE.with_name("aliases.txt")
-STYLES = TABLE.with_name("styles.txt")
+STYLES = LOOKS / "styles.txt"
 LONGEST = 5
 """Most words of a phrase."""
 
@@ -46,7 +46,7 @@ def rows_of(table: Path) -> list[tuple[str, str, list[str]]]:
 
 @lru_cache(1)
 def rows() -> list[tuple[str, str, list[str]]]:
-    """(kind, value, phrases) of each row of `lexicon.txt` and each name of `names.FILES`."""
+    """(kind, value, phrases) of each row of `lexicon.txt` and each name of looks/*.txt."""
     return [*rows_of(TABLE), *named()]
 
 

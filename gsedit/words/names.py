@@ -54,8 +54,8 @@ def _value(text: str) -> str | bool | float | tuple[float, ...]:
     return numbers if "," in text else numbers[0]
 
 
-FILES = ("materials.txt", "lights.txt", "weathers.txt", "growths.txt")
-TABLE = read_table(*map(Path(__file__).with_name, FILES))
+LOOKS = Path(__file__).with_name("looks")
+TABLE = read_table(*(LOOKS / f"{n}.txt" for n in ("materials", "lights", "weathers", "growths")))
 
 
 def named() -> list[tuple[str, str, list[str]]]:

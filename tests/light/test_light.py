@@ -10,8 +10,8 @@ import torch
 from changes import painted
 from plain_scenes import discs, ring
 
-from gsedit.change.light.kinds import LIGHTS, Fog, Lamp, LightSetup, Sun, setup_of
 from gsedit.change.light.relight import relit
+from gsedit.change.light.setup import LIGHTS, Fog, Lamp, LightSetup, Sun, setup_of
 from gsedit.errors import UsageError
 from gsedit.select.region import everything
 from gsedit.views.place import light_note, place_of

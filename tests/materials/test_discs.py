@@ -7,7 +7,7 @@ import torch
 from plain_scenes import discs, needles, ring
 
 from gsedit.change.materials.apply import in_material, study
-from gsedit.change.materials.kinds import MATERIALS
+from gsedit.change.materials.material import MATERIALS
 from gsedit.scene.cache import SceneCache
 from gsedit.scene.quaternions import even_directions
 from gsedit.views.discs import discs_on

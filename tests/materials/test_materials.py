@@ -12,7 +12,7 @@ from plain_scenes import needles, same_bits
 
 from gsedit.bench.synthetic import ring_cameras
 from gsedit.change.materials.apply import displayed, in_material
-from gsedit.change.materials.kinds import MATERIALS, Layer, Material, PatternName, material_of
+from gsedit.change.materials.material import MATERIALS, Layer, Material, PatternName, material_of
 from gsedit.change.materials.shading import Ground, environment_brdf, grain, share_of
 from gsedit.errors import UsageError
 from gsedit.scene.quaternions import even_directions

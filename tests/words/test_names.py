@@ -4,8 +4,8 @@ from collections import Counter
 
 import pytest
 
-from gsedit.change.light.kinds import LIGHTS
-from gsedit.change.materials.kinds import MATERIALS
+from gsedit.change.light.setup import LIGHTS
+from gsedit.change.materials.material import MATERIALS
 from gsedit.change.objects.growth.places import GROWTHS
 from gsedit.change.scenery.effects import SCENERIES
 from gsedit.words import lexicon

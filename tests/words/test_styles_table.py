@@ -1,7 +1,7 @@
-from gsedit.words.lexicon import LIKE, LONGEST, TABLE, names, near_styles, rows_of, style_words
+from gsedit.words.lexicon import LIKE, LONGEST, STYLES, names, near_styles, rows_of, style_words
 from gsedit.words.scan import scanned, tokens
 
-EVERY = rows_of(TABLE.with_name("styles.txt"))
+EVERY = rows_of(STYLES)
 ROWS = [row for row in EVERY if row[0] == "style"]
 
 

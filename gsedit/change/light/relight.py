@@ -21,7 +21,7 @@ import torch
 from jaxtyping import Bool, Float, Float64, Int, Int64
 from torch import Tensor
 
-from gsedit.change.light.kinds import Fog, Lamp, LightSetup, Sun
+from gsedit.change.light.setup import Fog, Lamp, LightSetup, Sun
 from gsedit.scene.cache import cached_per_scene
 from gsedit.scene.color_space import LUMINANCE, lab_of_srgb, linear_of_srgb
 from gsedit.scene.framing import weighted_quantile

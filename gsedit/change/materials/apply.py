@@ -17,7 +17,7 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from gsedit.change.materials.kinds import Material
+from gsedit.change.materials.material import Material
 from gsedit.change.materials.shading import (
     RAYS,
     Ground,

@@ -17,7 +17,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from gsedit.change.materials.kinds import Layer, Material
+from gsedit.change.materials.material import Layer, Material
 from gsedit.scene.color_space import linear_of_srgb, srgb_of_hex
 from gsedit.scene.quaternions import even_directions
 from gsedit.views.noise import noise

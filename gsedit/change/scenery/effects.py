@@ -1,5 +1,5 @@
-"""Weather and seasons, rows of gsedit/words/weathers.txt: light, how surfaces look, colors that
-depend on the view; and what they change: foliage, what faces up, the sky.
+"""Weather and seasons, rows of gsedit/words/looks/weathers.txt: light, how surfaces look, colors
+that depend on the view; and what they change: foliage, what faces up, the sky.
 
 Covers, leaves and water change colors alike from every side; gloss of what is wet is spherical
 harmonics of degree 2.
@@ -17,7 +17,6 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from gsedit.change.light.kinds import LIGHTS, SKIES, LightSetup
 from gsedit.change.light.relight import (
     ColorChange,
     Survey,
@@ -27,6 +26,7 @@ from gsedit.change.light.relight import (
     step,
     survey,
 )
+from gsedit.change.light.setup import LIGHTS, SKIES, LightSetup
 from gsedit.errors import UsageError
 from gsedit.scene.cache import cached_per_scene
 from gsedit.scene.color_space import LUMINANCE, lab_of_srgb, linear_of_srgb

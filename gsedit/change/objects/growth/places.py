@@ -1,4 +1,4 @@
-"""Growths, rows of gsedit/words/growths.txt: where they lie, how thick, of what they are made.
+"""Growths, rows of gsedit/words/looks/growths.txt: where they lie, how thick, of what made.
 
 `m` places on a surface, `n` Gaussians of the scene; shares are in [0, 1].
 """

@@ -1,5 +1,5 @@
-"""Materials: how a surface reflects, its patterns; those of gsedit/words/materials.txt and what
-words name: "brushed copper with green patina", "matte", "polished granite".
+"""Materials: how a surface reflects, its patterns; those of gsedit/words/looks/materials.txt
+and what words name: "brushed copper with green patina", "matte", "polished granite".
 
 Loads no torch.
 """

@@ -1,4 +1,4 @@
-"""Lights: sun, sky, lamps, fog, from the pictures' side; names: gsedit/words/lights.txt.
+"""Lights: sun, sky, lamps, fog, from the pictures' side; names: gsedit/words/looks/lights.txt.
 
 Angles are in degrees. An azimuth of 0 is light from the camera's side, 90 from its right, 180 from
 behind the subject. Strengths are against the present picture: an open, level place gets 1 there.
