@@ -1,1 +1,1 @@
-"""Baselines of the paper as strategies: Vox-E's score distillation, NeRF-Art's losses."""
+"""A baseline of the paper as a strategy: the score distillation of Vox-E."""
