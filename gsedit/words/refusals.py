@@ -23,15 +23,15 @@ REASONS = {
     for kind, move, told in lines_of(Path(__file__).with_name("reasons.txt"))
 }
 """Message to a person, by the kind of refusal."""
-_POLITE = r"(?: (?:please|now|again))*[.! ]*$"
+_END = r"(?: (?:please|now|again))*[.! ]*$"
 ODD = (
     (rf"^(?:please )?(?:undo|redo|revert|roll back)(?: (?:it|that|this|all|everything"
-     rf"|(?:the|my|your) (?:last|previous)? ?(?:edit|change|step|one|thing)s?))*{_POLITE}", "undo"),
-    (rf"^(?:please )?(?:remove|delete|erase|clear|get rid of) (?:absolutely )?(?:everything|all|it "
-     rf"all|all of it|all (?:of )?the (?:things|objects)|the (?:whole |entire )?scene){_POLITE}",
-     "everything"),
+     rf"|(?:the|my|your) (?:last|previous)? ?(?:edit|change|step|one|thing)s?))*{_END}", "undo"),
+    (rf"^(?:please )?(?:remove|delete|erase|clear|get rid of) (?:absolutely )?(?:everything|"
+     rf"(?:it )?all(?: of)?(?: it| the \w+s)?|the (?:\w+ )?scene){_END}", "everything"),
+    (r"\w['\"]?\.(?:npz|gltf|fbx|dae|blend|3ds|ksplat|rad)\b", "insert"),
 )  # fmt: skip
-"""Turns of phrase that take all back or away, and the kind of refusal of each."""
+"""What takes all back or away, and files that gsedit cannot read: the kind of refusal of each."""
 
 
 def first_refusal(sentence: str) -> str | None:

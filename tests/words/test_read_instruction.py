@@ -286,7 +286,7 @@ def test_each_thing_has_its_own_look():
         "remove the light from the left", "kill the light from the right", "dust off the bear",
         "icicles would be too much", "unless it is red, remove the bear", "wipe the slate clean",
         "remove all colors but red", "put the bear on the moon",
-        "add a second sun", "insert <3>",
+        "add a second sun", "insert <3>", "put vase.npz on the table", "add vase.fbx",
         "turn it purple by 30 degrees", "clean up the background", "more bronzed please",
     ],
 )  # fmt: skip
