@@ -45,8 +45,6 @@ WHOLE = 5.0
 """Largest extent of an object or piece that such a click takes as a whole, of that distance."""
 SAME_PLACE = 0.01
 """Largest distance of clicks at one place, of the view's width: a hand moves a pixel or two."""
-SMALLEST = "which has no smaller part there"
-"""Words of a note where a place is clicked again, and the selection stays as it is."""
 PART = 0.1
 """Least share of a box or a mask that an object fills."""
 
@@ -108,9 +106,10 @@ class Selector:
             inside = self._without_support(inside, click, first)
             inside = self._refined(inside, click)
         name = f"part {len(larger)} of " * bool(larger) + f"{row.kind} {row.number}"
-        least = f", {SMALLEST}" * (len(larger) + 1 < len(again))
-        region = self._region(inside, f"{name} at {_told(clicks)}{least}")
-        return replace(region, sure=float(seeds[inside].sum() / seeds.sum()))
+        least = len(larger) + 1 < len(again)
+        name += f" at {_told(clicks)}" + ", which has no smaller part there" * least
+        sure = float(seeds[inside].sum() / seeds.sum())
+        return replace(self._region(inside, name), sure=sure, is_least=least)
 
     def _around(self, click: Click) -> Selector:
         """The selector with the cameras that look at what is clicked, where these are few of all:

@@ -42,6 +42,8 @@ class Region:
     """The expression that finds it again (gsedit.select.where)."""
     sure: float = 1.0
     """Share of what was seen, drawn or clicked that says so, in [0, 1]."""
+    is_least: bool = False
+    """Whether a place was clicked once more than there are parts in each other."""
 
     def __str__(self) -> str:
         return f"{self.note}; {int(self.inside.sum()):,} of {len(self.inside):,} Gaussians"

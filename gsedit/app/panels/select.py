@@ -13,7 +13,7 @@ from torch import Tensor
 from gsedit.app.steps import region_file
 from gsedit.errors import UsageError
 from gsedit.scene.table import table_of
-from gsedit.select.click import SMALLEST, Click, Selector, at_one_place
+from gsedit.select.click import Click, Selector, at_one_place
 from gsedit.select.kinds import grow, shrink
 from gsedit.select.region import Region
 from gsedit.select.saved import save_named, saved_files
@@ -45,7 +45,7 @@ class Clicks:
         """The region of the clicks; where there is no smaller part, the whole object again, as with
         the last click alone. Raises UsageError as `Selector.at` does."""
         region = selector.at(self.clicks)
-        if not region.note.endswith(SMALLEST):
+        if not region.is_least:
             return self, region
         whole = Clicks(self.clicks[-1:])
         return whole, selector.at(whole.clicks)
