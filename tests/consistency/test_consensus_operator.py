@@ -4,7 +4,6 @@ import pytest
 import torch
 from walls import CELL, FOUR, stacked
 
-from gsedit.errors import UsageError
 from gsedit.paper.consistency.consensus import consensus, share_noise
 from gsedit.paper.consistency.correspond import correspond
 
@@ -68,21 +67,11 @@ def test_consensus_touches_matched_cells_only(labels):
     assert torch.equal(consensus(x[:1], torch.full_like(labels[:1], -1)), x[:1])
 
 
-def test_strength_leads_from_nothing_to_agreement(labels):
-    x, agreed = draw(labels), consensus(draw(labels), labels)
-    assert torch.equal(consensus(x, labels, strength=0.0), x)
-    torch.testing.assert_close(consensus(x, labels, strength=0.25), x + 0.25 * (agreed - x))
-    with pytest.raises(UsageError, match=r"outside \[0, 1\]"):
-        consensus(x, labels, strength=1.5)
-
-
 def test_consensus_has_a_gradient(labels):
     small, x = labels[:, 4:8, 4:8], draw(labels[:, 4:8, 4:8], channels=2).requires_grad_()
     anchored = torch.tensor([True, False, False, False])
     assert (small >= 0).any()
-    assert torch.autograd.gradcheck(
-        lambda t: consensus(t, small, anchored=anchored, strength=0.7), x
-    )
+    assert torch.autograd.gradcheck(lambda t: consensus(t, small, anchored=anchored), x)
 
 
 def test_a_cluster_holds_one_draw_and_a_view_no_draw_twice(labels):

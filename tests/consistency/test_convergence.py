@@ -3,8 +3,7 @@
 Views that start from the same noise, each pulled by a bias of its own, deviate from their mean by a
 signed number. The longer consensus acts, the smaller it gets; it reaches 0 and never changes its
 sign: at every solver, parameterisation, schedule, number of steps, and noise level at which
-consensus ends. With a part of its strength that holds for all solvers but Heun's, whose second
-prediction may overshoot by a little.
+consensus ends.
 """
 
 from __future__ import annotations
@@ -51,16 +50,14 @@ class Biased:
         return Branches(*(found if needed else None for needed in need))
 
 
-def deviation(
-    model: Biased, settings: SamplerSettings, strength: float = 1.0, independent: bool = False
-) -> torch.Tensor:
+def deviation(model: Biased, settings: SamplerSettings, independent: bool = False) -> torch.Tensor:
     """Signed, of each channel: 1 would be the whole bias, 0 is agreement."""
     draws = torch.randn(2, len(WIDTHS), 1, 1, dtype=torch.float64, generator=generator(1))
     x = draws if independent else draws[:1].expand(2, -1, -1, -1)
     ended = last(
         sample(
             model, None, x, settings, generator=generator(),
-            consensus=lambda z: consensus(z, ONE_CLUSTER, strength=strength),
+            consensus=lambda z: consensus(z, ONE_CLUSTER),
             share=lambda noise: noise[:1].expand(2, -1, -1, -1),
         )
     )  # fmt: skip
@@ -103,18 +100,6 @@ def test_the_deviation_falls_to_agreement_and_never_beyond(schedule, predicts, s
     assert curve[0].amax() > 0.9  # there is something to agree on
     assert_converges(curve)
     torch.testing.assert_close(curve[-1], torch.zeros(len(WIDTHS), dtype=torch.float64))
-
-
-@pytest.mark.parametrize("solver", [solver for solver in SOLVERS if solver != "heun"])
-def test_it_falls_with_the_strength_of_consensus(solver):
-    settings = unguided(solver, 20, t_end=0.0)
-    strengths = (0.0, 0.25, 0.5, 0.75, 1.0)
-    assert_converges([deviation(Biased(SD), settings, strength) for strength in strengths])
-
-
-@pytest.mark.parametrize("solver", [solver for solver in SOLVERS if solver != "heun"])
-def test_half_the_strength_is_a_shorter_way_on_the_same_side(solver):
-    assert_converges(sweep(Biased(SD), unguided(solver, 20), strength=0.5))
 
 
 @pytest.mark.parametrize("solver", ["ddim", "euler"])

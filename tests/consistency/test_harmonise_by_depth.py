@@ -98,16 +98,6 @@ def test_a_view_with_another_edit_is_outvoted(surfaces, truth):
     assert (agreed - truth)[2].square().mean() < (odd - truth)[2].square().mean()
 
 
-def test_strength_leads_from_the_pictures_to_agreement(surfaces, truth):
-    tinted = truth + tints()
-    assert torch.equal(harmonise_by_depth(tinted, surfaces, strength=0.0), tinted)
-    errors = [
-        disagreement(harmonise_by_depth(tinted, surfaces, strength=s), surfaces)
-        for s in (0.0, 0.5, 1.0)
-    ]
-    assert errors == sorted(errors, reverse=True)
-
-
 def test_one_view_and_views_of_nothing_common_stay_as_they_are(surfaces, truth):
     assert torch.equal(harmonise_by_depth(truth[:1], surfaces[:1]), truth[:1])
     empty = [surface._replace(alpha=torch.zeros(64, 64)) for surface in surfaces]

@@ -10,25 +10,20 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from gsedit.errors import UsageError
-
 
 def consensus(
     x: Float[Tensor, "v c y x"],
     labels: Int[Tensor, "v y x"],
     *,
     anchored: Bool[Tensor, " v"] | None = None,
-    strength: float = 1.0,
 ) -> Float[Tensor, "v c y x"]:
     """Replace every cell by its cluster's mean: the nearest x that agrees at all correspondences.
 
     Where a cluster has cells of anchored views, its value is the mean of those alone and they stay
-    as they are. Cells in no cluster are untouched. `strength` in [0, 1] leads from x to agreement;
-    at 1 this is a linear projection, idempotent and blind to the order of views. Differentiable.
-    It is eq. (averageall) of Efficient-NeRF2NeRF for any number of views. Raises UsageError.
+    as they are. Cells in no cluster are untouched. This is a linear projection, idempotent and
+    blind to the order of views. Differentiable. It is eq. (averageall) of Efficient-NeRF2NeRF for
+    any number of views.
     """
-    if not 0 <= strength <= 1:
-        raise UsageError(f"Consensus strength {strength} is outside [0, 1]; use 1 for agreement.")
     values, rows, cluster, count = _members(x, labels)
     if not len(rows):
         return x
@@ -40,11 +35,10 @@ def consensus(
         led[cluster[leads]] = True
         weight = (leads | ~led[cluster]).to(x.dtype)
         follows = ~leads
-    member = values[rows]
-    total = weight.new_zeros(count, x.shape[1]).index_add(0, cluster, member * weight[:, None])
+    weighted = values[rows] * weight[:, None]
+    total = weight.new_zeros(count, x.shape[1]).index_add(0, cluster, weighted)
     mean = total / weight.new_zeros(count).index_add(0, cluster, weight)[:, None]
-    agreed = torch.lerp(member, mean[cluster], strength)  # lerp: exact at both ends
-    return _as_grid(values.index_copy(0, rows[follows], agreed[follows]), x)
+    return _as_grid(values.index_copy(0, rows[follows], mean[cluster][follows]), x)
 
 
 def share_noise(

@@ -52,13 +52,11 @@ def harmonise_by_depth(
     surfaces: Sequence[Surface],
     *,
     anchored: Bool[Tensor, " v"] | None = None,
-    strength: float = 1.0,
 ) -> Float[Tensor, "v h w 3"]:
     """The pictures with their low bands led towards agreement, in [0, 1].
 
-    Anchored pictures stay as they are, and where one shows a place it alone decides. `strength` in
-    [0, 1] leads from the pictures to agreement. Places that no other picture shows take the
-    correction of their surroundings, or none.
+    Anchored pictures stay as they are, and where one shows a place it alone decides. Places that no
+    other picture shows take the correction of their surroundings, or none.
     """
     if len(images) < 2:
         return images
@@ -75,7 +73,7 @@ def harmonise_by_depth(
         )
         valid = torch.stack([warp.valid for warp in warps])
         correction = _correction(edited, unedited.to(edited), valid, decides)
-        agreed[a] = (images[a] + strength * correction).clamp(0, 1)
+        agreed[a] = (images[a] + correction).clamp(0, 1)
     return agreed
 
 
