@@ -138,7 +138,8 @@ def object_of(needed: Mapping[str, Check], optional: Mapping[str, Check] | None 
 
     def check(value: Any, place: str) -> dict[str, Any]:
         if not isinstance(value, dict):
-            raise Misfit(f"{place or 'the file'} is no object")
+            named = f" with {', '.join(needed)}" if needed else ""
+            raise Misfit(f"{place or 'the file'} is no object{named}")
         start = f"{place}." if place else ""
         missing = next((key for key in needed if value.get(key) is None), None)
         if missing is not None:
