@@ -39,9 +39,11 @@ from gsedit.formats.flags import read_flags, write_flags
 from gsedit.formats.ply.records import read_ply_header
 from gsedit.formats.streams import SceneHeader, in_blocks
 from gsedit.measures.against import resolve_reference
+from gsedit.paper.editors.painter import network
 from gsedit.run.state import State, load_state, save_state
 from gsedit.scene.similarity import Similarity
 from gsedit.scene.table import SplatTable
+from gsedit.select import subject as saliency
 from gsedit.select.saved import read_named, save_named
 from gsedit.toolkit.transform import read_similarity, write_similarity
 from gsedit.views.cameras_json import read_cameras, write_cameras
@@ -221,6 +223,28 @@ def _session(folder: Path) -> None:
     document.save(document.Document("a.ply", steps, 1, eye, pending), folder)
 
 
+PICTURES = ("a.png", "a.jpg", "a.webp", "a.tif")
+
+
+def _pictures(folder: Path) -> None:
+    pixels = np.random.default_rng(1).integers(256, size=(40, 48, 3), dtype=np.uint8)
+    for name in PICTURES:
+        Image.fromarray(pixels).save(folder / name)
+
+
+def _read_pictures(folder: Path) -> None:
+    for name in PICTURES:
+        assert network.read_style_picture(folder / name).isfinite().all()
+
+
+def _weights(source: Path, load: Callable[[Path], object]) -> Input:
+    """A file of weights of a published network, 0.7 to 5 MB."""
+    return Input(
+        source.name, lambda folder: shutil.copyfile(source, folder / source.name), (source.name,),
+        lambda folder: load(folder / source.name), share=0.05,
+    )  # fmt: skip
+
+
 MEANS = np.arange(30, dtype=np.float32).reshape(10, 3)
 
 
@@ -292,4 +316,7 @@ INPUTS = (
         lambda folder: read_similarity(folder / "a.json"),
         in_json,
     ),
+    Input("pictures", _pictures, PICTURES, _read_pictures),
+    _weights(network.WEIGHTS, network.load_picture_styles.__wrapped__),
+    _weights(saliency.WEIGHTS, saliency.load_network),
 )
