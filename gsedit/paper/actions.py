@@ -214,7 +214,6 @@ def _keep_strokes(
             _take(session, item, total)
         elif step % REPORT_EVERY_STEPS == 0:
             yield Event("strokes", stopwatch.seconds, step, total, item)
-    yield measure_progress(session, total, total, None)
 
 
 def fit_round(session: Session, steps: int, *, done: int, total: int) -> Iterator[Action]:

@@ -14,6 +14,7 @@ from typing import Any
 import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
+from torch.nn.functional import embedding_bag
 
 from gsedit.capture.fitting.adam import Adam
 from gsedit.measures.features import FeatureExtractor
@@ -53,11 +54,12 @@ def leading_views(weights: Float[Tensor, "v n"], means: Float[Tensor, "n 3"]) ->
     points = means.detach().double().numpy()
     near = torch.from_numpy(k_nearest(points, points, min(NEAR, len(points)))[1])
     for _ in range(ROUNDS):
-        weights = torch.stack([each[near].mean(1) for each in weights])
+        weights = embedding_bag(near, weights.T.contiguous(), mode="mean").T
     best, leading = weights.amax(0), torch.full((len(means),), -1)
     able, free, chosen = weights >= GOOD * best, best > 0, list[int]()
+    worth = weights * able
     while len(chosen) < len(weights) and best[free].sum() > (1 - LED) * best.sum():
-        chosen.append(int((weights * (able & free)).sum(1).argmax()))
+        chosen.append(int((worth @ free.to(worth)).argmax()))
         taken = able[chosen[-1]] & free
         leading[taken], free = chosen[-1], free & ~taken
     if chosen:
