@@ -34,7 +34,7 @@ GOOD = 0.25
 where the lead changes, so that few views lead, each in as large a part as it can."""
 LED = 0.97
 """Share of all that is seen beyond which no further view leads."""
-LEAST_SHARE = 0.03
+LEAST_SHARE = 0.05
 """Share below which a pixel does not count: another view leads there."""
 GRAM_GRADIENT = 10.0
 """Size of the Gram loss's gradient over that of the MSE, at the first step: lambda itself means
