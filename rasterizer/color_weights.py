@@ -52,6 +52,11 @@ class ColorWeights:
         self._inputs.table[:, GEOMETRY:] = colors
         return self._backend.forward(self._inputs, False, False).blended.features
 
+    def at(self, wanted: Float[Tensor, "h w"]) -> ColorWeights:
+        """These, whose pictures may be black where `wanted` is 0."""
+        wanted = wanted.to(self._inputs.table).contiguous()
+        return replace(self, _inputs=self._inputs._replace(wanted=wanted))
+
     def back_to_rows(self, maps: Float[Tensor, "h w 3"]) -> Float[Tensor, "m 3"]:
         """The rows of `back` that are not zero."""
         shape = (self._inputs.height, self._inputs.width, 3)

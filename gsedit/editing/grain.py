@@ -29,7 +29,7 @@ from gsedit.views.dataset import evenly_spaced
 from rasterizer.scene import Gaussians
 
 MEASURED_VIEWS = 4
-"""Held-out views at which a large scene is measured: its renders take seconds."""
+"""Held-out views at which the whole scene is measured: renders of a large one take seconds."""
 
 
 def drawn(
@@ -139,9 +139,7 @@ def _carried(
         told = f"{len(before):,} Gaussians are {len(after):,} now: strokes are finer than some were"
         notes = (*notes, told)
     evidence = of_the_whole(drawing.evidence, before, after if merged else None)
-    few = request.held_out
-    if merged is not None:
-        few = tuple(few[i] for i in evenly_spaced(len(few), MEASURED_VIEWS))
+    few = [request.held_out[i] for i in evenly_spaced(len(request.held_out), MEASURED_VIEWS)]
     originals = (*evidence.originals, *pictures_at(before, few))
     finals = (*evidence.finals, *pictures_at(after, few))
     own = None if merged else request.region or everything(before)

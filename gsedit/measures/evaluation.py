@@ -39,6 +39,7 @@ from gsedit.measures.formulas import (
 )
 from gsedit.measures.metrics import (
     COST,
+    LATER,
     MEASURED_ROLES,
     METRICS,
     NO_UNEDITED,
@@ -195,10 +196,10 @@ def _warp(subject: EvaluationInput) -> tuple[PairComparison, ...]:
     held_out = subject.views.having("held_out")
     edited = {i: subject.targets[i] for i in subject.views.having("edited") if i in subject.targets}
     return (
-        *compare_targets(views, edited),
+        *compare_targets(views, edited, not subject.quick),
         *compare_renders(
             views, spread(held_out, COMPARED_VIEWS), held_out,
-            lambda indices: {i: MeasuredView(subject, i).final for i in indices},
+            lambda indices: {i: MeasuredView(subject, i).final for i in indices}, not subject.quick,
         ),
     )  # fmt: skip
 
@@ -281,6 +282,8 @@ def _missing_pairs(
 
 def _why_no_warp(pictures: str, long: bool, subject: EvaluationInput) -> str:
     held_out = len(subject.views.having("held_out"))
+    if long and subject.quick:
+        return LATER
     if pictures == "targets":
         if sum(i in subject.targets for i in subject.views.having("edited")) < 2:
             return "two edited views with a picture are needed: add pictures of edited views"

@@ -93,7 +93,7 @@ class FilterBank:
         if octaves < 1:
             raise UsageError(f"A filter bank of {octaves} octaves sees nothing; use 1 or more.")
         self.octaves = octaves
-        self.kernels = _kernels()
+        self.across, self.down = _kernels()
         self.low_pass = torch.outer(torch.tensor(BINOMIAL), torch.tensor(BINOMIAL))
 
     def __call__(self, images: Float[Tensor, "n 3 h w"]) -> list[Float[Tensor, "n 12 y x"]]:
@@ -103,38 +103,41 @@ class FilterBank:
                 f"A patch of {images.shape[-1]}x{images.shape[-2]} pixels is too small for the "
                 f"filter bank; use patches of {MIN_SIDE} pixels or more."
             )
-        level, layers = images - 0.5, []
-        kernels = self.kernels.to(images)
+        # a tenth of the time of a whole kernel, and in this order of memory half of that
+        level, layers = images.contiguous(memory_format=torch.channels_last) - 0.5, []
+        across, down = self.across.to(images), self.down.to(images)
         low_pass = self.low_pass.to(images).expand(3, 1, -1, -1)
         for _ in range(self.octaves):
             if min(level.shape[-2:]) < MIN_SIDE:
                 break
-            layers.append(F.conv2d(F.pad(level, (RADIUS,) * 4, mode="reflect"), kernels))
+            padded = F.pad(level, (RADIUS,) * 4, mode="reflect")
+            layers.append(F.conv2d(F.conv2d(padded, across), down))
             level = F.conv2d(F.pad(level, (2,) * 4, mode="reflect"), low_pass, stride=2, groups=3)
         return layers
 
 
-def _kernels() -> Float[Tensor, "12 3 k k"]:
-    """Color and space in one kernel: a single convolution an octave."""
+def _kernels() -> tuple[Float[Tensor, "7 3 1 k"], Float[Tensor, "12 7 k 1"]]:
+    """Color and rows, of which the second makes channels by columns."""
     t = torch.arange(-RADIUS, RADIUS + 1, dtype=torch.float64)
     gauss = torch.exp(-t.square() / 2) / torch.exp(-t.square() / 2).sum()
     first, second = -t * gauss, (t.square() - 1) * gauss
     second = second - gauss * second.sum()  # sampling leaves a mean; a flat picture has no edges
-    blur = torch.outer(gauss, gauss)
-    slopes = [_equal_energy(torch.outer(*k)) for k in ((gauss, first), (first, gauss))]
-    bends = [
-        _equal_energy(torch.outer(*k)) for k in ((gauss, second), (first, first), (second, gauss))
-    ]
-    luminance, *chroma = torch.tensor(OPPONENT, dtype=torch.float64)
-    shapes = [(c, k) for c in (luminance, *chroma) for k in (blur, *slopes)]
-    shapes += [(luminance, k) for k in bends]
-    return torch.stack([c[:, None, None] * k for c, k in shapes])
+    lines, colors = (gauss, first, second), torch.tensor(OPPONENT, dtype=torch.float64)
+    rows = [(0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (2, 0), (2, 1)]  # color, order of derivative
+    across = torch.stack([colors[c, :, None] * lines[k] for c, k in rows])
+    shapes = [(c, *k) for c in range(3) for k in ((0, 0), (0, 1), (1, 0))]  # down, across
+    shapes += [(0, *k) for k in ((0, 2), (1, 1), (2, 0))]
+    down = torch.zeros(len(shapes), len(rows), len(t), dtype=torch.float64)
+    for channel, (c, y, x) in enumerate(shapes):
+        gain = _gain(torch.outer(lines[y], lines[x])) if x or y else 1.0
+        down[channel, rows.index((c, x))] = gain * lines[y]
+    return across[:, :, None], down[..., None]
 
 
-def _equal_energy(kernel: Float[Tensor, "k k"]) -> Float[Tensor, "k k"]:
-    """Scaled to pass the energy of a 1/f^2 picture unchanged (Parseval)."""
+def _gain(kernel: Float[Tensor, "k k"]) -> float:
+    """The factor by which it passes the energy of a 1/f^2 picture unchanged (Parseval)."""
     f = torch.fft.fftfreq(SPECTRUM_SIZE, dtype=torch.float64)
     squared = f[:, None].square() + f.square()
     power = torch.where(squared > 0, 1 / squared, 0.0)
     gain = torch.fft.fft2(kernel, s=(SPECTRUM_SIZE, SPECTRUM_SIZE)).abs().square()
-    return kernel * (power.sum() / (gain * power).sum()).sqrt()
+    return float((power.sum() / (gain * power).sum()).sqrt())

@@ -62,8 +62,8 @@ class EvaluationInput:
     """Most views of a role at which a perceptual distance is measured, evenly spaced; None for all.
     It takes ten times as long as all other metrics of a picture."""
     quick: bool = False
-    """Whether SSIM and perceptual distances are left to `gsedit metrics`, which measures them all:
-    they take as long as painting the views."""
+    """Whether SSIM, perceptual distances and pairs of long range are left to `gsedit metrics`: they
+    take as long as painting the views."""
     ground_truth: Pictures = field(default_factory=dict)
     """The true edit, by the index of the view, where it is known."""
     finals: Pictures = field(default_factory=dict)

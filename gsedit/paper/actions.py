@@ -21,6 +21,7 @@ from gsedit.paper.evaluate import measure_progress
 from gsedit.paper.session import Session, region_masks, seen_gaussians
 from gsedit.run.events import Event
 from gsedit.views.dataset import View
+from rasterizer.color_weights import ColorWeights, color_weights
 from rasterizer.scene import Gaussians
 
 REPORT_EVERY_STEPS = 10
@@ -153,7 +154,8 @@ class Solve:
             start, views = optimizer.scene.detach(), list(targets.values())
             how: dict[str, Any] = {}
             if request.keeps_strokes:
-                how["shares"] = _leading_shares(session, start, targets)
+                how["weights"] = [color_weights(start, view.camera) for view in views]
+                how["shares"] = _leading_shares(session, start, targets, how["weights"])
                 how["band_penalty"] = inf  # a stroke looks the same from all sides
                 start = replace(start, sh=start.sh.clone())
                 start.sh[inside, 0 if request.draws else 1 :] = 0
@@ -167,7 +169,7 @@ class Solve:
             loss = solved[-1].mse if solved else None
             yield measure_progress(session, self.step, self.total, loss)
             if request.keeps_strokes:
-                yield from _keep_strokes(session, targets, how["shares"])
+                yield from _keep_strokes(session, views, how["shares"], how["weights"])
 
 
 def _take(session: Session, scene: Gaussians, steps: int) -> None:
@@ -178,7 +180,10 @@ def _take(session: Session, scene: Gaussians, steps: int) -> None:
 
 
 def _leading_shares(
-    session: Session, scene: Gaussians, targets: Mapping[int, View]
+    session: Session,
+    scene: Gaussians,
+    targets: Mapping[int, View],
+    weights: Sequence[ColorWeights],
 ) -> list[Float[Tensor, "h w"]]:
     """Weights of the targets' pixels, by the view that leads where a Gaussian is."""
     views, leading = list(targets), session.request.leading
@@ -188,25 +193,27 @@ def _leading_shares(
         leading = torch.where(leading < 0, -1, places[leading])
     else:  # of views that are not planned by it, or of a region that they told
         leading = leading_views(session.weights[views] * session.region.inside, scene.means)
-    return leading_shares(scene, [view.camera for view in targets.values()], leading)
+    return leading_shares(weights, leading)
 
 
 def _keep_strokes(
-    session: Session, targets: Mapping[int, View], shares: Sequence[Float[Tensor, "h w"]]
+    session: Session,
+    targets: Sequence[View],
+    shares: Sequence[Float[Tensor, "h w"]],
+    weights: Sequence[ColorWeights],
 ) -> Iterator[Event]:
     """Descend the loss of the paper from the solved scene; yields events."""
     request, stopwatch = session.request, session.progress.stopwatch
     total = request.settings.update.strokes
     found = stroke_steps(
-        session.scene, list(targets.values()), session.region.inside, total, request.features,
-        request.generator, shares=shares,
+        session.scene, targets, session.region.inside, total, request.features,
+        request.generator, shares=shares, weights=weights,
     )  # fmt: skip
     for step, item in enumerate(found, start=1):
         if isinstance(item, Gaussians):
             _take(session, item, total)
         elif step % REPORT_EVERY_STEPS == 0:
             yield Event("strokes", stopwatch.seconds, step, total, item)
-    yield measure_progress(session, total, total, None)
 
 
 def fit_round(session: Session, steps: int, *, done: int, total: int) -> Iterator[Action]:

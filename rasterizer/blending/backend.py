@@ -36,6 +36,8 @@ class BlendInputs(NamedTuple):
     """Picture width, pixels; its height is below."""
     height: int
     numerics: Numerics
+    wanted: Float[Tensor, "h w"] | None = None
+    """0 where nobody looks at the picture: it may be black there. None: it is wanted everywhere."""
 
 
 class Blended(NamedTuple):

@@ -26,6 +26,7 @@ struct Job {
                                // finished; null: no gradient is wanted
   const T* grad_features;      // [height, width, depth]
   const T* grad_transmittance; // [height, width]
+  const T* wanted;             // [height, width]: 0 where nothing is blended forward; or null: all
   T* gradients;                // [pairs, GEOMETRY + depth], by slot
 };
 
@@ -76,13 +77,6 @@ struct Cell {
     for (int y = 0; y < rows; y++)
       for (int x = 0; x < columns; x++)
         work(Shape<T>::place(x, y), (top + y) * job.width + left + x);
-  }
-
-  Mask blocks() const {
-    const Mask row = (Mask(1) << Shape<T>::blocks_across(columns)) - 1;
-    Mask mask = 0;
-    for (int y = 0; y < Shape<T>::blocks_down(rows); y++) mask |= row << (y * Shape<T>::ACROSS);
-    return mask;
   }
 };
 

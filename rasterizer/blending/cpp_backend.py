@@ -29,7 +29,7 @@ class _Job(ctypes.Structure):
            ("log_alpha_min", "log_alpha_max", "stop", "least")]
         + [(name, ctypes.c_void_p) for name in
            ("features", "transmittance", "median_index", "ends", "grad_features",
-            "grad_transmittance", "gradients")]
+            "grad_transmittance", "wanted", "gradients")]
     )  # fmt: skip
 
 
@@ -105,7 +105,7 @@ def _run(name: str, inputs: BlendInputs, **arrays: Tensor | None) -> None:
     table = inputs.table.contiguous()
     # held until the kernel returns: it gets addresses only
     held = {"table": table, "members": bins.members, "starts": bins.starts,
-            "slots": bins.slots, **arrays}  # fmt: skip
+            "slots": bins.slots, "wanted": inputs.wanted, **arrays}  # fmt: skip
     job = _Job(
         columns=bins.columns, rows=bins.rows, side=bins.size,
         width=inputs.width, height=inputs.height,

@@ -17,6 +17,7 @@ from gsedit.capture.fitting.strokes import (
 from gsedit.measures.features import FilterBank
 from gsedit.paper.view_plan import survey
 from gsedit.views.dataset import View
+from rasterizer.color_weights import color_weights
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
 
@@ -54,7 +55,7 @@ def solved(scene, views, shares=None):
 
 def shares_of(scene, cameras):
     leading = leading_views(survey(scene, cameras), scene.means)
-    return leading_shares(scene, cameras, leading)
+    return leading_shares([color_weights(scene, camera) for camera in cameras], leading)
 
 
 def descended(scene, views, inside=None):
@@ -62,6 +63,7 @@ def descended(scene, views, inside=None):
     *losses, last = stroke_steps(
         scene, views, inside, STEPS, FilterBank(), torch.Generator().manual_seed(0),
         shares=[torch.ones(48, 48)] * len(views),
+        weights=[color_weights(scene, view.camera) for view in views],
     )  # fmt: skip
     assert isinstance(last, Gaussians)
     return losses, last
@@ -84,12 +86,13 @@ def test_few_views_lead_each_where_it_sees_well_what_none_before_it_does():
 
 def test_shares_of_views_are_those_of_what_they_lead(scene, cameras):
     leading = leading_views(survey(scene, cameras), scene.means)
-    shares = torch.stack(leading_shares(scene, cameras, leading))
+    weights = [color_weights(scene, camera) for camera in cameras]
+    shares = torch.stack(leading_shares(weights, leading))
     alpha = torch.stack([render(scene, camera).alpha for camera in cameras])
-    assert shares.min() >= LEAST_SHARE
-    assert (shares <= alpha.clamp_min(LEAST_SHARE) + 1e-5).all()
+    assert shares[shares > 0].min() >= LEAST_SHARE
+    assert (shares <= alpha + 1e-5).all()
     own = torch.zeros(len(scene), dtype=torch.long)
-    assert torch.stack(leading_shares(scene, cameras, own))[1:].max() <= LEAST_SHARE + 1e-6
+    assert torch.stack(leading_shares(weights, own))[1:].max() == 0
 
 
 def test_strokes_are_kept_that_a_mean_would_lose(scene, cameras, striped):

@@ -14,6 +14,7 @@ from gsedit.capture.fitting.strokes import RATE, stroke_steps
 from gsedit.errors import InputError
 from gsedit.measures.features import FilterBank
 from gsedit.views.dataset import View
+from rasterizer.color_weights import color_weights
 from rasterizer.render import render
 
 CELLS = [(scene, style) for scene in ("bear", "garden", "dinosaur") for style in "abcd"]
@@ -128,7 +129,7 @@ def test_the_descent_is_that_of_gsedit():
     inside = torch.ones(len(scene), dtype=torch.bool)
     *_, expected = stroke_steps(
         scene, views, inside, STEPS, FilterBank(), torch.Generator().manual_seed(0),
-        shares=shares,
+        shares=shares, weights=[color_weights(scene, camera) for camera in cameras],
     )  # fmt: skip
     none = torch.zeros(0, 0)
     case = Case("", scene, cameras, (0, 1, 2), (0, 1, 2), (), none, {}, {}, {}, {}, 0.0)

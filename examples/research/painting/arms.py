@@ -39,13 +39,14 @@ from gsedit.paper.view_plan import random_plan
 from gsedit.views.dataset import View
 from gsedit.views.image_ops import pad_camera, pad_to_multiple
 from gsedit.words.read import read_instruction
+from rasterizer.color_weights import color_weights
 from rasterizer.numerics import SH_DC
 from rasterizer.render import render
 from rasterizer.scene import Gaussians
 from research.painting.cases import BATCHES, EACH, Case, Pictures, disagreement, energy
 
 Loss = Literal["mse", "sum", "switch", "l1+perceptual"]
-STEPS = 36
+STEPS = 24
 """Steps of the descent from the solved scene, as in gsedit's settings."""
 STEADY = RATE / 2
 """Rate of the strategies, which have a result at every second: none falls."""
@@ -192,8 +193,8 @@ class Bench:
         begin, scene, shares = time.process_time(), case.scene, {}
         if solve == "lead":
             leading = leading_views(case.weights[list(targets)], scene.means)
-            cameras = [case.cameras[i] for i in targets]
-            shares = dict(zip(targets, leading_shares(scene, cameras, leading)))
+            blended = [color_weights(scene, case.cameras[i]) for i in targets]
+            shares = dict(zip(targets, leading_shares(blended, leading)))
         if solve != "none":
             shown = [View(str(i), case.cameras[i], each) for i, each in targets.items()]
             every = torch.ones(len(scene), dtype=torch.bool)
@@ -294,7 +295,8 @@ class Descent:
             with torch.no_grad():
                 before = render(self._start, camera).color
             view = View(str(i), camera, target)
-            self._drawn[i] = Drawn(self._start, view, before, share, BANK)
+            blended = color_weights(self._start, camera)
+            self._drawn[i] = Drawn(blended, view, before, share, BANK)
         return self._drawn[i]
 
     def step(self, i: int, rate: float) -> None:

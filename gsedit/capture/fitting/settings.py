@@ -29,7 +29,7 @@ class UpdateSettings:
     """Random crops rendered in a step, where the scene is fitted in steps."""
     patch: int = 64
     """Side of a crop, pixels."""
-    strokes: int = 36
+    strokes: int = 24
     """Steps by which the strokes of drawn views are kept after the solve, for editors that draw
     (gsedit.capture.fitting.strokes). 0: none, and no view leads in the solve."""
 

@@ -14,6 +14,7 @@ from typing import Any
 import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
+from torch.nn.functional import embedding_bag
 
 from gsedit.capture.fitting.adam import Adam
 from gsedit.measures.features import FeatureExtractor
@@ -21,8 +22,7 @@ from gsedit.measures.losses import gram
 from gsedit.run.step_threads import StepThreads
 from gsedit.scene.neighbors import k_nearest
 from gsedit.views.dataset import View
-from rasterizer.camera import Camera
-from rasterizer.color_weights import ColorWeights, color_weights
+from rasterizer.color_weights import ColorWeights
 from rasterizer.numerics import SH_DC
 from rasterizer.render import render_picture
 from rasterizer.scene import Gaussians
@@ -34,13 +34,13 @@ GOOD = 0.25
 where the lead changes, so that few views lead, each in as large a part as it can."""
 LED = 0.97
 """Share of all that is seen beyond which no further view leads."""
-LEAST_SHARE = 0.02
-"""Weight of pixels in which another view leads: what no leading view shows follows them."""
+LEAST_SHARE = 0.05
+"""Share below which a pixel does not count: another view leads there."""
 GRAM_GRADIENT = 10.0
 """Size of the Gram loss's gradient over that of the MSE, at the first step: lambda itself means
 nothing without the units of the features."""
-RATE = 0.02
-"""Learning rate of colors in [0, 1]: with three times as much strokes are specks."""
+RATE = 0.03
+"""Learning rate of colors in [0, 1]: with twice as much strokes are specks."""
 LAST_RATE = 0.1
 """Share of the rate at the last step; it falls linearly."""
 
@@ -54,11 +54,12 @@ def leading_views(weights: Float[Tensor, "v n"], means: Float[Tensor, "n 3"]) ->
     points = means.detach().double().numpy()
     near = torch.from_numpy(k_nearest(points, points, min(NEAR, len(points)))[1])
     for _ in range(ROUNDS):
-        weights = torch.stack([each[near].mean(1) for each in weights])
+        weights = embedding_bag(near, weights.T.contiguous(), mode="mean").T
     best, leading = weights.amax(0), torch.full((len(means),), -1)
     able, free, chosen = weights >= GOOD * best, best > 0, list[int]()
+    worth = weights * able
     while len(chosen) < len(weights) and best[free].sum() > (1 - LED) * best.sum():
-        chosen.append(int((weights * (able & free)).sum(1).argmax()))
+        chosen.append(int((worth @ free.to(worth)).argmax()))
         taken = able[chosen[-1]] & free
         leading[taken], free = chosen[-1], free & ~taken
     if chosen:
@@ -67,15 +68,12 @@ def leading_views(weights: Float[Tensor, "v n"], means: Float[Tensor, "n 3"]) ->
 
 
 def leading_shares(
-    scene: Gaussians, cameras: Sequence[Camera], leading: Int[Tensor, " n"]
+    views: Sequence[ColorWeights], leading: Int[Tensor, " n"]
 ) -> list[Float[Tensor, "h w"]]:
-    """Weight of each pixel of each view: the share of it that the view leads, or LEAST_SHARE."""
-    shares = []
-    for i, camera in enumerate(cameras):
-        leads = (leading == i).to(scene.means)[:, None].expand(-1, 3)
-        own = color_weights(scene, camera).picture(leads.contiguous())
-        shares.append(own[..., 0].clamp(LEAST_SHARE, 1))
-    return shares
+    """Weight of each pixel of each view: the share that the view leads, from LEAST_SHARE on."""
+    leads = ((leading == i).float()[:, None].expand(-1, 3) for i in range(len(views)))
+    own = [each.picture(led.contiguous())[..., 0].clamp_max(1) for each, led in zip(views, leads)]
+    return [each * (each >= LEAST_SHARE) for each in own]
 
 
 def stroke_steps(
@@ -87,15 +85,16 @@ def stroke_steps(
     generator: torch.Generator,
     *,
     shares: Sequence[Float[Tensor, "h w"]],
+    weights: Sequence[ColorWeights],
 ) -> Iterator[float | Gaussians]:
     """Yield the loss of every step, of a view, and last the scene; base colors `inside` move.
 
-    `shares` are the weights of pixels in the MSE. The Gram loss is relative to the targets' own: a
-    sum over layers.
+    `shares` are the weights of pixels in the MSE, `weights` those of blending. The Gram loss is
+    relative to the targets' own: a sum over layers.
     """
     drawn = [
-        Drawn(scene, view, render_picture(scene, view.camera), share, features)
-        for view, share in zip(targets, shares)
+        Drawn(own, view, render_picture(scene, view.camera), share, features)
+        for own, view, share in zip(weights, targets, shares)
     ]
     change = torch.zeros_like(scene.means, requires_grad=True)
     adam, weight, threads, order = Adam(), None, StepThreads(), list[int]()
@@ -132,14 +131,14 @@ class Drawn:
 
     def __init__(
         self,
-        scene: Gaussians,
+        weights: ColorWeights,
         target: View,
         picture: Float[Tensor, "h w 3"],
         share: Float[Tensor, "h w"],
         features: FeatureExtractor,
     ) -> None:
-        self.weights = color_weights(scene, target.camera)
-        self.picture, self.target, self.features = picture, target.image, features
+        self.weights, self.picture, self.target = weights, picture, target.image
+        self.features = features
         self.share = share[..., None].square()
         with torch.no_grad():
             self.grams = [gram(each) for each in features(_channels_first(target.image))]

@@ -101,7 +101,8 @@ class PaintNetwork(nn.Module):
             # as torch.var_mean would say, but twenty times as quick
             variance = torch.linalg.vector_norm(y.flatten(2), dim=2).square() / y[0, 0].numel()
             gamma, beta = (each[:, None, None] for each in next(affine))
-            return torch.addcmul(beta, y, gamma / (variance + EPSILON).sqrt()[..., None, None])
+            scale = gamma / (variance + EPSILON).sqrt()[..., None, None]
+            return torch.addcmul(beta, y, scale, out=y)
 
         x = images
         for conv in self.contract:
@@ -125,7 +126,10 @@ def painted(
     """Pictures of any size as a network paints them, sRGB in [0, 1]; it computes in float32."""
     height, width = pictures.shape[1:3]
     whole = pad_to_multiple(pictures.float(), CELL, "mirror").movedim(-1, 1)
-    return network(whole, style, agree).movedim(1, -1)[:, :height, :width].to(pictures)
+    # views that need not agree one by one: less memory, which is quicker to get
+    parts = whole.split(1 if agree is None else len(whole))
+    made = torch.cat([network(each, style, agree) for each in parts])
+    return made.movedim(1, -1)[:, :height, :width].to(pictures)
 
 
 @contextmanager
