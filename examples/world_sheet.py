@@ -2,7 +2,8 @@
 
 python examples/world_sheet.py bear.ply garden.ply dinosaur.ply guitar.ply -o sheet/
 
-Every picture is of a camera that no edit looked through. sheet/ gets a folder of pictures a scene,
+Every picture is of a camera that no edit looked through; of a copy, of that which sees most of it.
+sheet/ gets a folder of pictures a scene,
 before and after; sheet.jpg, all of them; and larger, front.jpg, some of the first three scenes;
 front.webp, these moving; and objects.jpg, the first scene, which shows a bear, after OBJECTS.
 """
@@ -55,8 +56,8 @@ INSTRUCTIONS = (
     "as an expressionist painting",
 )
 """Sentences about the subject, the scene, objects and pictures."""
-DRAWN = len(INSTRUCTIONS) - 2
-"""First instruction that the painter draws."""
+DRAWN, COPIED = len(INSTRUCTIONS) - 2, len(INSTRUCTIONS) - 3
+"""First instruction that the painter draws, and that of a copy."""
 FRONT = (("turn it into a bronze statue", "at night by moonlight"),
          ("make it snow", "polished white marble"),
          ("as an expressionist painting", "remove it"))  # fmt: skip
@@ -82,6 +83,16 @@ class Shown:
     scene: Gaussians
     viewpoints: tuple[Viewpoint, ...]
     camera: Camera
+    held_out: tuple[Camera, ...]
+
+    def facing(self, made: Gaussians) -> Camera:
+        """The held-out camera that sees most of the Gaussians that a scene has more."""
+
+        def seen(camera: Camera) -> int:
+            rows = render(made, camera, median_depth=True).median_row
+            return 0 if rows is None else len(rows[rows >= len(self.scene)].unique())
+
+        return max(self.held_out, key=seen)
 
 
 def show(name: str, scene: Gaussians, viewpoints: Sequence[Viewpoint]) -> Shown:
@@ -89,7 +100,7 @@ def show(name: str, scene: Gaussians, viewpoints: Sequence[Viewpoint]) -> Shown:
 
     The first of the other cameras, which tells sides, is the nearest to it.
     """
-    held_out = [each.camera for each in viewpoints[::HELD_OUT_EVERY]]
+    held_out = tuple(each.camera for each in viewpoints[::HELD_OUT_EVERY])
     used = [v for i, v in enumerate(viewpoints) if i % HELD_OUT_EVERY]
     with torch.no_grad():
         opaque = [render(scene, camera).alpha > 0.1 for camera in held_out]
@@ -99,7 +110,8 @@ def show(name: str, scene: Gaussians, viewpoints: Sequence[Viewpoint]) -> Shown:
         best = 0
     camera = held_out[best]
     used.sort(key=lambda v: float((v.camera.center - camera.center).norm()))
-    return Shown(name, scene, tuple(used), camera if around else closer(camera, opaque[best]))
+    camera = camera if around else closer(camera, opaque[best])
+    return Shown(name, scene, tuple(used), camera, held_out)
 
 
 def closer(camera: Camera, opaque: torch.Tensor) -> Camera:
@@ -217,10 +229,12 @@ def object_rows(shown: Shown) -> list[list[Labelled]]:
 def save_pairs(shown: Shown, scenes: Sequence[Gaussians | None], folder: Path) -> None:
     """Write a picture for each instruction: before and after, side by side."""
     folder.mkdir(parents=True, exist_ok=True)
-    before = cell(scenes[0], shown.camera, PAIR_PIXELS)
-    for i, (text, scene) in enumerate(zip(INSTRUCTIONS, scenes[1:], strict=True), 1):
-        after = cell(scene, shown.camera, PAIR_PIXELS)
-        save(grid([[("before", before), (text, after)]]), folder / f"{i:02d}.jpg")
+    copied = scenes[1 + COPIED]
+    facing = shown.camera if copied is None else shown.facing(copied)
+    for i, (text, scene) in enumerate(zip(INSTRUCTIONS, scenes[1:], strict=True)):
+        camera = facing if i == COPIED else shown.camera
+        pair = [cell(each, camera, PAIR_PIXELS) for each in (scenes[0], scene)]
+        save(grid([list(zip(("before", text), pair))]), folder / f"{i + 1:02d}.jpg")
 
 
 def save(sheet: Image.Image, path: Path) -> None:

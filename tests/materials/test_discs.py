@@ -106,6 +106,17 @@ def test_a_dark_eye_keeps_its_contrast_in_marble(ball):
     assert float(darker.amax()) > 0.2
 
 
+def test_carving_that_is_color_all_over_stays_in_gold(ball):
+    scene, normals = ball
+    color = torch.where((30 * normals[:, 2:]).sin() > 0, 0.12, 0.6).expand(-1, 3)
+    carved = replace(scene, sh=color_to_sh(color[:, None].clone()))
+    made = in_material(carved, torch.ones(len(scene), dtype=torch.bool), MATERIALS["gold"])
+    pictures = [render_picture(each, CAMERAS[0]).mean(-1) for each in (carved, made.scene)]
+    shown = [each - each.roll(3, 0) for each in pictures]
+    inside = pictures[0] > 0.08
+    assert float(torch.corrcoef(torch.stack([each[inside] for each in shown]))[0, 1]) > 0.5
+
+
 def test_poor_surroundings_get_highlights_and_a_lamp_over_flat_tops():
     light = studio(torch.zeros(3), UP)
     even = replace(light, radiance=torch.full_like(light.radiance, 0.4))

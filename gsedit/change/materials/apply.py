@@ -141,9 +141,12 @@ AROUND = 0.06
 """Standard deviation of what counts as around, in radii of the part."""
 SOLID = 0.9
 """Share of its fullest pixel from which a part's color is told there: haze may veil it all."""
-FINE, STEEPER, QUIET = (0.15, 2.0), (2.0, 2.4), (-0.05, -4.0)
-"""Least and largest ratio to what is around; its powers on Gaussians, which blur it, and on discs;
+FINE, STEEPER, QUIET = (0.15, 2.0), (1.2, 2.4), (-0.05, -4.0)
+"""Least and largest ratio to what is around; its powers on Gaussians and on discs, which blur it;
 its logarithm at which these begin to show it, and how fast: grain goes, joints stay."""
+COLORED = 0.58
+"""Mean size of that logarithm between neighbors from which a face or slats are color, not shape: a
+part's own Gaussians show it. Granite has 0.5, a weathered table 0.65, carved wood 0.9."""
 BESIDE = 3
 """Discs whose mean color a Gaussian in their place gets."""
 AGREED, SHARP = 0.75, 1.2
@@ -319,11 +322,13 @@ def study(
     discs = discs_on(scene[inside], cameras) if fresh and eyes is None else None
     laid = laid_on(scene, inside, discs)
     part = laid.scene[laid.inside]
-    fine = seen_detail(scene, inside, cameras, laid)
+    own, spread = own_detail(scene[inside])
+    fine = torch.cat((own, seen_detail(scene, inside, cameras, laid)))
     near = rows_near(part.means)
     few = few_of(part, laid.count, near)
     directions, confidence = _normals(scene, inside, cameras, discs, near)
     ragged = ragged_at(scene, laid, directions, few, discs.cell if discs else 0.0)
+    ragged |= spread > COLORED
     center, radius = middle(scene, inside)
     if laid.count:  # without the waves of a few discs' length; edges stay sharp
         coarse = few.spread(smoothed(directions[few.rows], few.near).directions)
@@ -444,13 +449,27 @@ def ragged_at(
     return no_disc | ((agreed < AGREED) & (wide < SHARP * cell))
 
 
+def own_detail(part: Gaussians) -> tuple[Float[Tensor, " m"], float]:
+    """Factor on display colors of each Gaussian: its color against those around it; and how large
+    its logarithm is in the mean."""
+    display = sh_to_color(part.sh[:, 0]).clamp(0, 1).double().numpy()
+    light = torch.from_numpy(linear_of_srgb(display)) + 1e-3
+    size = visible_area(part).clamp_min(1e-30)[:, None].double()
+    sized = neighbor_means(torch.cat((light * size, size), 1), rows_near(part.means), ROUNDS)
+    found = torch.from_numpy(detail(light.numpy(), (sized[:, :3] / sized[:, 3:]).numpy()))
+    spread = float(found.abs() @ size / size.sum())
+    return (STEEPER[0] * found.to(part.means) / GAMMA).exp(), spread
+
+
 def seen_detail(
     scene: Gaussians, inside: Bool[Tensor, " n"], cameras: Sequence[Camera], laid: Laid
-) -> Float[Tensor, " q"]:
-    """Factor on display colors of each Gaussian inside and each disc: what cameras see of it, in
-    the mean, against what is around it. Joints and faces that are colors are darker so."""
+) -> Float[Tensor, " d"]:
+    """Factor on display colors of each disc: what cameras see of it, in the mean, against what is
+    around it. Joints are darker so."""
     from scipy.ndimage import gaussian_filter
 
+    if not laid.count:
+        return scene.means.new_ones(0)
     eyes = list(cameras) or all_around(scene[inside])
     some = [eyes[i].fitted(DETAIL_PIXELS) for i in evenly_spaced(len(eyes), DETAIL_VIEWS)]
     (center, radius), maps = middle(scene, inside), []
@@ -462,15 +481,16 @@ def seen_detail(
         size = AROUND * radius * view.fx / max(float((center - view.center).norm()), radius)
         soft, parts = (gaussian_filter(each, (size, size, 0)) for each in (light * share, share))
         soft = np.where(share > SOLID, soft / np.maximum(parts, 1e-6), light)
-        hue = np.abs(light / light.sum(-1, keepdims=True) - soft / soft.sum(-1, keepdims=True))
-        ratio = np.clip(light @ LUMINANCE / (soft @ LUMINANCE), *FINE)
-        stone = 1 / (1 + (hue.max(-1) * np.minimum(ratio, 1) / HUE) ** 2)
-        maps.append(torch.from_numpy(np.log(ratio) * stone).float())
-    found = STEEPER[0] * lift(scene, some, maps).mean[inside]
-    if laid.count:
-        there = lift(laid.scene, some, maps).mean[-laid.count :]
-        found = torch.cat((found, STEEPER[1] * there * (QUIET[1] * (there - QUIET[0])).clamp(0, 1)))
-    return (found / GAMMA).exp()
+        maps.append(torch.from_numpy(detail(light, soft)).float())
+    found = lift(laid.scene, some, maps).mean[-laid.count :]
+    return (STEEPER[1] * found * (QUIET[1] * (found - QUIET[0])).clamp(0, 1) / GAMMA).exp()
+
+
+def detail(light: np.ndarray, soft: np.ndarray) -> np.ndarray:
+    """Logarithm of how much brighter linear colors are than those around them, of the same hue."""
+    hue = np.abs(light / light.sum(-1, keepdims=True) - soft / soft.sum(-1, keepdims=True))
+    ratio = np.clip(light @ LUMINANCE / (soft @ LUMINANCE), *FINE)
+    return np.log(ratio) / (1 + (hue.max(-1) * np.minimum(ratio, 1) / HUE) ** 2)
 
 
 def _normals(

@@ -54,8 +54,9 @@ AS_GOOD = 0.1
 VIEWS, VIEW_PIXELS, MARGIN = 12, 64, 0.04
 """Most cameras that are asked what they see, the longer side of their pictures, and the border of
 a picture, of its sides, that does not count."""
-SEEN_AT = (0.1, 0.6, 0.95)
-"""Heights of an object, of its own, that are looked for in pictures."""
+SHAPE, WHOLE = 30, 3
+"""Most points of an object that are looked for in pictures, and the power of the share of them that
+a camera sees: one that sees it whole counts more than several that see parts."""
 HIDDEN = 0.04
 """Way behind what is seen, of the distance, from which a point is hidden."""
 
@@ -107,7 +108,8 @@ def free_point(
     away = points - wish
     cost = away.norm(dim=-1) / size
     cost = cost + OVER_EDGE * (1 - carried) + INTO * (into - TWIGS).clamp_min(0)
-    shown = _shown(points, stance.height, size, ground)
+    shape = body.means[:: 1 + len(body) // SHAPE].double() - stance.foot
+    shown = _shown(points, shape, ground, taken)
     if bool((shown > 0).any()):
         cost = cost + torch.where(shown > 0, UNSEEN * (1 - shown / shown.amax()), torch.inf)
     best, asked = int(cost.argmin()), int((away - (away @ up)[:, None] * up).norm(dim=-1).argmin())
@@ -155,27 +157,38 @@ def _shape(cells: Tensor) -> Bool[Tensor, "k k"]:
 
 
 def _shown(
-    points: Float[Tensor, "c 3"], height: float, size: float, ground: Ground
+    points: Float[Tensor, "c 3"],
+    shape: Float[Tensor, "s 3"],
+    ground: Ground,
+    taken: Float[Tensor, "m 3"] | None,
 ) -> Float[Tensor, " c"]:
-    """Share of the cameras that see an object at each place; less for those that it is close to."""
+    """How well cameras see a shape at each place: whole, and not before what is `taken`; less those
+    that are in it."""
     total = torch.zeros(len(points), dtype=torch.float64)
     plain = replace(ground.scene, sh=ground.scene.sh[:, :1])
+    middle = shape.mean(0)
+    radius = (shape - middle).norm(dim=-1).amax()
     asked = evenly_spaced(len(ground.cameras), VIEWS)
     for camera in (ground.cameras[i].fitted(VIEW_PIXELS) for i in asked):
-        depth = render(plain, camera, depth=True).depth
+        depth = render(plain, camera, median_depth=True).median_depth
         assert depth is not None
-        for share in SEEN_AT:
-            at = points + share * height * ground.place.up
-            xy, z = camera.project(at)
-            pixels = xy.new_tensor((camera.width, camera.height))
-            inside = (z > 0) & ((xy > MARGIN * pixels) & (xy < (1 - MARGIN) * pixels)).all(-1)
-            column, row = (xy.long().clamp_min(0).minimum(pixels.long() - 1)).unbind(-1)
-            before = depth[row, column].double()
-            inside &= (before <= 0) | (z < (1 + HIDDEN) * before)
-            total += inside.double() / len(SEEN_AT)
-        middle = points + 0.5 * height * ground.place.up
-        total -= ((middle - camera.center.double()).norm(dim=-1) < size).double()
+        behind = torch.where(depth > 0, (1 + HIDDEN) * depth.double(), torch.inf).flatten()
+        if taken is not None:
+            pixel, z = _pixels(camera, taken)
+            behind[pixel[z < behind[pixel]]] = 0.0
+        pixel, z = _pixels(camera, points[:, None] + shape)
+        total += (z < behind[pixel]).double().mean(1) ** WHOLE
+        total -= ((points + middle - camera.center.double()).norm(dim=-1) < radius).double()
     return total / max(len(asked), 1)
+
+
+def _pixels(camera: Camera, points: Float[Tensor, "*c 3"]) -> tuple[Tensor, Tensor]:
+    """The number of each point's pixel, and its depth: infinite outside the picture."""
+    xy, z = camera.project(points)
+    pixels = xy.new_tensor((camera.width, camera.height))
+    inside = (z > 0) & ((xy > MARGIN * pixels) & (xy < (1 - MARGIN) * pixels)).all(-1)
+    column, row = torch.where(inside[..., None], xy, 0.0).long().unbind(-1)
+    return row * camera.width + column, z.masked_fill(~inside, torch.inf)
 
 
 GAP = 0.15
