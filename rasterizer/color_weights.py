@@ -52,10 +52,16 @@ class ColorWeights:
         self._inputs.table[:, GEOMETRY:] = colors
         return self._backend.forward(self._inputs, False, False).blended.features
 
-    def at(self, wanted: Float[Tensor, "h w"]) -> ColorWeights:
-        """These, whose pictures may be black where `wanted` is 0."""
-        wanted = wanted.to(self._inputs.table).contiguous()
-        return replace(self, _inputs=self._inputs._replace(wanted=wanted))
+    @property
+    def wanted(self) -> Float[Tensor, "h w"] | None:
+        """How much pixels count: pictures may be black, and maps are 0, where it is 0. None: all
+        alike."""
+        return self._inputs.wanted
+
+    def at(self, wanted: Float[Tensor, "h w"] | None) -> ColorWeights:
+        """These, with pixels `wanted` so much."""
+        held = None if wanted is None else wanted.to(self._inputs.table).contiguous()
+        return replace(self, _inputs=self._inputs._replace(wanted=held))
 
     def back_to_rows(self, maps: Float[Tensor, "h w 3"]) -> Float[Tensor, "m 3"]:
         """The rows of `back` that are not zero."""

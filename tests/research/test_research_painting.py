@@ -129,7 +129,7 @@ def test_the_descent_is_that_of_gsedit():
     inside = torch.ones(len(scene), dtype=torch.bool)
     *_, expected = stroke_steps(
         scene, views, inside, STEPS, FilterBank(), torch.Generator().manual_seed(0),
-        shares=shares, weights=[color_weights(scene, camera) for camera in cameras],
+        weights=[color_weights(scene, each).at(share) for each, share in zip(cameras, shares)],
     )  # fmt: skip
     none = torch.zeros(0, 0)
     case = Case("", scene, cameras, (0, 1, 2), (0, 1, 2), (), none, {}, {}, {}, {}, 0.0)
