@@ -200,8 +200,7 @@ class Bench:
             for found in solve_colors(scene, shown, every, weights=weights, band_penalty=inf):
                 last = found
             scene = last.scene
-        shares = {i: each.wanted for i, each in zip(targets, weights)}
-        return scene, shares, time.process_time() - begin
+        return scene, {i: w.wanted for i, w in zip(targets, weights)}, time.process_time() - begin
 
     def strategy(self, name: str, seconds: Sequence[float], seed: int = 0) -> Iterator[Work]:
         """The scene of a strategy after so many processor seconds each; all descend the sum at a
@@ -294,7 +293,7 @@ class Descent:
             with torch.no_grad():
                 before = render(self._start, camera).color
             view = View(str(i), camera, target)
-            weights = color_weights(self._start, camera).at(share)
+            weights = replace(color_weights(self._start, camera), wanted=share)
             self._drawn[i] = Drawn(weights, view, before, BANK)
         return self._drawn[i]
 

@@ -73,7 +73,7 @@ def led(scene: Gaussians, camera: Camera, leads: Bool[Tensor, " n"]) -> ColorWei
     LEAST_SHARE on."""
     weights = color_weights(scene, camera)
     share = weights.picture(leads.to(scene.means)[:, None].repeat(1, 3))[..., 0].clamp_max(1)
-    return weights.at(share * (share >= LEAST_SHARE))
+    return replace(weights, wanted=share * (share >= LEAST_SHARE))
 
 
 def stroke_steps(
@@ -135,7 +135,7 @@ class Drawn:
         picture: Float[Tensor, "h w 3"],
         features: FeatureExtractor,
     ) -> None:
-        self.weights, self.picture, self.features = weights.at(None), picture, features
+        self.weights, self.picture, self.features = replace(weights, wanted=None), picture, features
         self.target, share = target.image, weights.wanted
         self.share = torch.ones(()) if share is None else share[..., None].square()
         with torch.no_grad():
