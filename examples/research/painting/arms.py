@@ -187,7 +187,7 @@ class Bench:
 
     def _start(
         self, views: str, seed: int, blocks: int, solve: str
-    ) -> tuple[Gaussians, dict[int, Float[Tensor, "h w"]], float]:
+    ) -> tuple[Gaussians, dict[int, Float[Tensor, "h w"] | None], float]:
         """The scene where a descent begins, the weights of pixels, and seconds."""
         case, targets = self.case, self.targets(views, seed, blocks)[0]
         begin, scene, weights = time.process_time(), case.scene, []
@@ -208,7 +208,7 @@ class Bench:
         case, chance = self.case, torch.Generator().manual_seed(seed)
         planned, start, spent, steps, edits = ("planned", 0, 0), case.scene, 0.0, 0, 0
         targets: Mapping[int, Tensor] = {i: case.unedited[i] for i in case.views}
-        shares: Mapping[int, Tensor] = {}
+        shares: Mapping[int, Tensor | None] = {}
         if name not in ("iterative", REPAINT):
             targets, spent = self.targets(*planned)
             edits = len(targets)
