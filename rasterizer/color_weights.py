@@ -37,6 +37,8 @@ class ColorWeights:
     _inputs: BlendInputs
     """Its last three columns are written by every product."""
     _backend: Backend
+    wanted: Float[Tensor, "h w"] | None = None
+    """How much pixels count: pictures may be black, and maps are 0, where it is 0. None: alike."""
 
     def picture(self, colors: Float[Tensor, "n 3"]) -> Float[Tensor, "h w 3"]:
         """W times the colors, over black; colors may have either sign."""
@@ -50,19 +52,16 @@ class ColorWeights:
     def picture_of_rows(self, colors: Float[Tensor, "m 3"]) -> Float[Tensor, "h w 3"]:
         """W times the colors of `rows`; no other Gaussian shows."""
         self._inputs.table[:, GEOMETRY:] = colors
-        return self._backend.forward(self._inputs, False, False).blended.features
-
-    def at(self, wanted: Float[Tensor, "h w"]) -> ColorWeights:
-        """These, whose pictures may be black where `wanted` is 0."""
-        wanted = wanted.to(self._inputs.table).contiguous()
-        return replace(self, _inputs=self._inputs._replace(wanted=wanted))
+        inputs = self._inputs._replace(wanted=self.wanted)
+        return self._backend.forward(inputs, False, False).blended.features
 
     def back_to_rows(self, maps: Float[Tensor, "h w 3"]) -> Float[Tensor, "m 3"]:
         """The rows of `back` that are not zero."""
         shape = (self._inputs.height, self._inputs.width, 3)
         if tuple(maps.shape) != shape:
             raise ValueError(f"maps have shape {tuple(maps.shape)}, the picture's is {shape}")
-        return self._backend.pull(self._inputs, maps.to(self._inputs.table).contiguous())
+        inputs = self._inputs._replace(wanted=self.wanted)
+        return self._backend.pull(inputs, maps.to(inputs.table).contiguous())
 
 
 @torch.no_grad()

@@ -114,6 +114,8 @@ class UneditedViews:
     cameras: Sequence[Camera]
     rendering: Callable[[int], Rendering]
     """Render of the unedited scene at the view of that index, with median depth."""
+    short: bool = False
+    """Whether pairs of short range alone are compared."""
 
     def nearest(self, i: int, others: Iterable[int]) -> list[int]:
         """The views `others`, the one whose camera is nearest to view i's first."""
@@ -135,14 +137,11 @@ def spread(indices: Sequence[int], number: int) -> tuple[int, ...]:
     return tuple(indices[(2 * k + 1) * len(indices) // (2 * number)] for k in range(number))
 
 
-def compare_targets(
-    views: UneditedViews, targets: Pictures, far: bool = True
-) -> tuple[PairComparison, ...]:
-    """The edited 2D pictures, in pairs of short and, if `far`, of long range; no row where none
-    share 1 %."""
+def compare_targets(views: UneditedViews, targets: Pictures) -> tuple[PairComparison, ...]:
+    """The edited 2D pictures, in pairs of short and of long range; no row where none share 1 %."""
     short = sorted({pair for i in targets for pair in views.with_nearest(i, targets)})
     every = itertools.combinations(sorted(targets), 2)
-    long = [pair for pair in every if far and pair not in short]
+    long = [pair for pair in every if pair not in short]
     some = [[pairs[i] for i in evenly_spaced(len(pairs), PAIRS)] for pairs in (short, long)]
     return _both_ranges(views, targets, "targets", *some)
 
@@ -152,14 +151,13 @@ def compare_renders(
     compared: Iterable[int],
     held_out: Sequence[int],
     finals: Callable[[Sequence[int]], Pictures],
-    far: bool = True,
 ) -> tuple[PairComparison, ...]:
-    """The edited scene at the held-out views `compared`, each with the nearest camera and, if
-    `far`, the nearest held-out one; no row where none share 1 %. `finals` renders the scene."""
+    """The edited scene at the held-out views `compared`, each with the nearest camera and the
+    nearest held-out camera; no row where none share 1 %. `finals` renders the edited scene."""
     compared = tuple(compared)
     every = range(len(views.cameras))
     short = [pair for i in compared for pair in views.with_nearest(i, every)]
-    long = [pair for i in compared if far for pair in views.with_nearest(i, held_out)]
+    long = [pair for i in compared for pair in views.with_nearest(i, held_out)]
     images = finals(sorted({i for pair in (*short, *long) for i in pair}))
     return _both_ranges(views, images, "renders", short, long)
 
@@ -168,7 +166,7 @@ def _both_ranges(
     views: UneditedViews, images: Pictures, pictures: PicturesOf, short: Pairs, long: Pairs
 ) -> tuple[PairComparison, ...]:
     near = compare_pairs(views, images, pictures, "short", short)
-    far = compare_pairs(views, images, pictures, "long", long)
+    far = None if views.short else compare_pairs(views, images, pictures, "long", long)
     return tuple(row for row in (near, far) if row)
 
 

@@ -192,14 +192,14 @@ def _warp(subject: EvaluationInput) -> tuple[PairComparison, ...]:
             return subject.renderings[i]
         return render(original, cameras[i], median_depth=True)
 
-    views = UneditedViews(cameras, rendering)
+    views = UneditedViews(cameras, rendering, subject.quick)
     held_out = subject.views.having("held_out")
     edited = {i: subject.targets[i] for i in subject.views.having("edited") if i in subject.targets}
     return (
-        *compare_targets(views, edited, not subject.quick),
+        *compare_targets(views, edited),
         *compare_renders(
             views, spread(held_out, COMPARED_VIEWS), held_out,
-            lambda indices: {i: MeasuredView(subject, i).final for i in indices}, not subject.quick,
+            lambda indices: {i: MeasuredView(subject, i).final for i in indices},
         ),
     )  # fmt: skip
 

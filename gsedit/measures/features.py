@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import sqrt
 from typing import Protocol, runtime_checkable
 
@@ -25,21 +24,8 @@ class FeatureExtractor(Protocol):
         ...
 
 
-@dataclass(frozen=True, eq=False)
-class ScaledFeatures:
-    """The layers of another extractor, each times a factor of its own."""
-
-    features: FeatureExtractor
-    factors: tuple[float, ...]
-
-    def __call__(self, images: Float[Tensor, "n 3 h w"]) -> list[Float[Tensor, "n c y x"]]:
-        """The scaled layers of `images`, which are in [0, 1]."""
-        layers = self.features(images)
-        return [factor * layer for factor, layer in zip(self.factors, layers, strict=True)]
-
-
 @torch.no_grad()
-def with_equal_energy(features: FeatureExtractor) -> ScaledFeatures:
+def with_equal_energy(features: FeatureExtractor) -> FeatureExtractor:
     """The extractor with layers whose channels have the energy of a color on average, on noise of
     the 1/f^2 power spectrum of natural pictures: what FilterBank's have by construction.
 
@@ -50,7 +36,7 @@ def with_equal_energy(features: FeatureExtractor) -> ScaledFeatures:
     energy = (picture - 0.5).square().mean()
     layers = features(picture)
     factors = [float((energy / layer.square().mean()).sqrt()) for layer in layers]
-    return ScaledFeatures(features, tuple(factors))
+    return lambda images: [k * layer for k, layer in zip(factors, features(images), strict=True)]
 
 
 def _natural_noise() -> Float[Tensor, "n 3 h w"]:

@@ -21,7 +21,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from gsedit.errors import InputError, UsageError
-from gsedit.measures.features import FeatureExtractor, ScaledFeatures, with_equal_energy
+from gsedit.measures.features import FeatureExtractor, with_equal_energy
 
 VGG16 = {
     "relu1_1": 0, "relu1_2": 2, "relu2_1": 5, "relu2_2": 7, "relu3_1": 10, "relu3_2": 12,
@@ -161,7 +161,7 @@ def read_weights(name: str) -> Weights:
 
 
 @lru_cache(maxsize=1)
-def vgg_features() -> ScaledFeatures:
+def vgg_features() -> FeatureExtractor:
     """Features of the shift-tolerant VGG16 for the Gram loss, with layers of equal energy.
 
     Raises as `weights_path` does.

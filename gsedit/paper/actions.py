@@ -9,11 +9,9 @@ from math import inf
 from typing import Any, Protocol, runtime_checkable
 
 import torch
-from jaxtyping import Float
-from torch import Tensor
 
 from gsedit.capture.fitting.solve import solve_colors, trusting_penalty
-from gsedit.capture.fitting.strokes import leading_shares, leading_views, stroke_steps
+from gsedit.capture.fitting.strokes import leading_views, led, stroke_steps
 from gsedit.capture.fitting.update import Target, crops_needed, update_steps
 from gsedit.errors import InputError
 from gsedit.paper.edit_views import edit_views
@@ -21,7 +19,7 @@ from gsedit.paper.evaluate import measure_progress
 from gsedit.paper.session import Session, region_masks, seen_gaussians
 from gsedit.run.events import Event
 from gsedit.views.dataset import View
-from rasterizer.color_weights import ColorWeights, color_weights
+from rasterizer.color_weights import ColorWeights
 from rasterizer.scene import Gaussians
 
 REPORT_EVERY_STEPS = 10
@@ -154,8 +152,7 @@ class Solve:
             start, views = optimizer.scene.detach(), list(targets.values())
             how: dict[str, Any] = {}
             if request.keeps_strokes:
-                how["weights"] = [color_weights(start, view.camera) for view in views]
-                how["shares"] = _leading_shares(session, start, targets, how["weights"])
+                how["weights"] = _led_views(session, start, targets)
                 how["band_penalty"] = inf  # a stroke looks the same from all sides
                 start = replace(start, sh=start.sh.clone())
                 start.sh[inside, 0 if request.draws else 1 :] = 0
@@ -169,7 +166,7 @@ class Solve:
             loss = solved[-1].mse if solved else None
             yield measure_progress(session, self.step, self.total, loss)
             if request.keeps_strokes:
-                yield from _keep_strokes(session, views, how["shares"], how["weights"])
+                yield from _keep_strokes(session, views, how["weights"])
 
 
 def _take(session: Session, scene: Gaussians, steps: int) -> None:
@@ -179,13 +176,10 @@ def _take(session: Session, scene: Gaussians, steps: int) -> None:
     session.progress.optimizer.replace(scene, torch.arange(len(scene)), fresh=every)
 
 
-def _leading_shares(
-    session: Session,
-    scene: Gaussians,
-    targets: Mapping[int, View],
-    weights: Sequence[ColorWeights],
-) -> list[Float[Tensor, "h w"]]:
-    """Weights of the targets' pixels, by the view that leads where a Gaussian is."""
+def _led_views(
+    session: Session, scene: Gaussians, targets: Mapping[int, View]
+) -> list[ColorWeights]:
+    """Weights of the targets' views, each where it leads."""
     views, leading = list(targets), session.request.leading
     if leading is not None and set(leading.unique().tolist()) <= {-1, *views}:
         places = torch.full((len(session.weights),), -1)
@@ -193,21 +187,18 @@ def _leading_shares(
         leading = torch.where(leading < 0, -1, places[leading])
     else:  # of views that are not planned by it, or of a region that they told
         leading = leading_views(session.weights[views] * session.region.inside, scene.means)
-    return leading_shares(weights, leading)
+    return [led(scene, view.camera, leading == i) for i, view in enumerate(targets.values())]
 
 
 def _keep_strokes(
-    session: Session,
-    targets: Sequence[View],
-    shares: Sequence[Float[Tensor, "h w"]],
-    weights: Sequence[ColorWeights],
+    session: Session, targets: Sequence[View], weights: Sequence[ColorWeights]
 ) -> Iterator[Event]:
     """Descend the loss of the paper from the solved scene; yields events."""
     request, stopwatch = session.request, session.progress.stopwatch
     total = request.settings.update.strokes
     found = stroke_steps(
         session.scene, targets, session.region.inside, total, request.features,
-        request.generator, shares=shares, weights=weights,
+        request.generator, weights=weights,
     )  # fmt: skip
     for step, item in enumerate(found, start=1):
         if isinstance(item, Gaussians):

@@ -37,7 +37,7 @@ class BlendInputs(NamedTuple):
     height: int
     numerics: Numerics
     wanted: Float[Tensor, "h w"] | None = None
-    """0 where nobody looks at the picture: it may be black there. None: it is wanted everywhere."""
+    """0 where a picture may be black, and maps are 0 that are pulled. None: nowhere."""
 
 
 class Blended(NamedTuple):

@@ -26,7 +26,7 @@ struct Job {
                                // finished; null: no gradient is wanted
   const T* grad_features;      // [height, width, depth]
   const T* grad_transmittance; // [height, width]
-  const T* wanted;             // [height, width]: 0 where nothing is blended forward; or null: all
+  const T* wanted;             // [height, width]: 0 where no light is let through; null: all
   T* gradients;                // [pairs, GEOMETRY + depth], by slot
 };
 
@@ -45,7 +45,6 @@ struct Shape {
     const int block = y / BLOCK_HEIGHT * ACROSS + x / BLOCK_WIDTH;
     return block * LANES<T> + y % BLOCK_HEIGHT * BLOCK_WIDTH + x % BLOCK_WIDTH;
   }
-  static int blocks_across(int pixels) { return (pixels + BLOCK_WIDTH - 1) / BLOCK_WIDTH; }
   static int blocks_down(int pixels) { return (pixels + BLOCK_HEIGHT - 1) / BLOCK_HEIGHT; }
 };
 

@@ -67,12 +67,14 @@ struct Buffers {
   }
 };
 
-// Blocks with a pixel that is not yet opaque.
+// Let light through the pixels that are wanted, none off the picture; the blocks that have any.
 template <typename T>
-Mask open_blocks(const Buffers<T>& b) {
+Mask open_blocks(const Job<T>& job, const Cell<T>& cell, Buffers<T>& b) {
   Mask open = 0;
-  for (int k = 0; k < Shape<T>::BLOCKS; k++)
-    open |= Mask(any(load<T>(b.transmittance.at + k * LANES<T>) > 0)) << k;
+  cell.each_pixel([&](int p, int64_t at) {
+    if (job.wanted && job.wanted[at] == 0) return;
+    b.transmittance.at[p] = 1, open |= Mask(1) << p / LANES<T>;
+  });
   return open;
 }
 
@@ -116,13 +118,10 @@ void forward(const Job<T>& job, const Cell<T>& cell, Buffers<T>& b) {
   for (auto* plane : {&b.transmittance, &b.finished}) std::fill_n(plane->at, S::PIXELS, T(0));
   for (int64_t f = 0; f < depth; f++) std::fill_n(features[f].at, S::PIXELS, T(0));
   for (int k = 0; k < S::BLOCKS; k++) b.end[k] = I<T>{} + INT32_MAX, b.index[k] = I<T>{} - 1;
-  cell.each_pixel([&](int p, int64_t at) {  // none off the picture
-    b.transmittance.at[p] = !job.wanted || job.wanted[at] != 0;
-  });
 
   const int period = safe_count(job);
   const T stop = T(CLOSED * job.stop);
-  Mask open = open_blocks(b);
+  Mask open = open_blocks(job, cell, b);
   int64_t place = 0;
   Chunk<T>& chunk = b.chunk;
   for (int64_t start = 0; start < cell.count && open; start += CHUNK) {
@@ -174,16 +173,13 @@ void pull(const Job<T>& job, const Cell<T>& cell, Buffers<T>& b, bool is_first) 
   for (auto& plane : b.features) std::fill_n(plane.at, S::PIXELS, T(0));
   for (int k = 0; k < S::BLOCKS; k++) b.end[k] = I<T>{} + INT32_MAX;
   cell.each_pixel([&](int p, int64_t at) {
-    for (int64_t f = 0; f < DEPTH; f++) {
-      const T value = b.features[f].at[p] = job.grad_features[at * DEPTH + f];
-      if (value != 0) b.transmittance.at[p] = 1;  // elsewhere there is nothing to sum
-    }
+    for (int64_t f = 0; f < DEPTH; f++) b.features[f].at[p] = job.grad_features[at * DEPTH + f];
   });
 
   const auto gradient = [&](int64_t i) { return job.gradients + job.slots[cell.first + i] * DEPTH; };
   const int period = safe_count(job);
   const T stop = T(CLOSED * job.stop);
-  Mask open = open_blocks(b);
+  Mask open = open_blocks(job, cell, b);
   int64_t start = 0;
   Chunk<T>& chunk = b.chunk;
   T* const totals = b.totals.data();

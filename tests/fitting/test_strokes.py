@@ -10,8 +10,8 @@ from gsedit.bench.synthetic import demo_scene, ring_cameras, surface_gaussians
 from gsedit.capture.fitting.solve import solve_colors
 from gsedit.capture.fitting.strokes import (
     LEAST_SHARE,
-    leading_shares,
     leading_views,
+    led,
     stroke_steps,
 )
 from gsedit.measures.features import FilterBank
@@ -47,22 +47,21 @@ def striped(scene, cameras):
     return views
 
 
-def solved(scene, views, shares=None):
+def solved(scene, views, weights=None):
     every = torch.ones(len(scene), dtype=torch.bool)
-    *_, last = solve_colors(scene, views, every, shares=shares, band_penalty=inf)
+    *_, last = solve_colors(scene, views, every, weights=weights, band_penalty=inf)
     return last.scene
 
 
-def shares_of(scene, cameras):
+def led_views(scene, cameras):
     leading = leading_views(survey(scene, cameras), scene.means)
-    return leading_shares([color_weights(scene, camera) for camera in cameras], leading)
+    return [led(scene, camera, leading == i) for i, camera in enumerate(cameras)]
 
 
 def descended(scene, views, inside=None):
     inside = torch.ones(len(scene), dtype=torch.bool) if inside is None else inside
     *losses, last = stroke_steps(
         scene, views, inside, STEPS, FilterBank(), torch.Generator().manual_seed(0),
-        shares=[torch.ones(48, 48)] * len(views),
         weights=[color_weights(scene, view.camera) for view in views],
     )  # fmt: skip
     assert isinstance(last, Gaussians)
@@ -85,22 +84,20 @@ def test_few_views_lead_each_where_it_sees_well_what_none_before_it_does():
 
 
 def test_shares_of_views_are_those_of_what_they_lead(scene, cameras):
-    leading = leading_views(survey(scene, cameras), scene.means)
-    weights = [color_weights(scene, camera) for camera in cameras]
-    shares = torch.stack(leading_shares(weights, leading))
+    shares = torch.stack([each.wanted for each in led_views(scene, cameras)])
     alpha = torch.stack([render(scene, camera).alpha for camera in cameras])
     assert shares[shares > 0].min() >= LEAST_SHARE
     assert (shares <= alpha + 1e-5).all()
-    own = torch.zeros(len(scene), dtype=torch.long)
-    assert torch.stack(leading_shares(weights, own))[1:].max() == 0
+    none = torch.zeros(len(scene), dtype=torch.bool)
+    assert led(scene, cameras[1], none).wanted.max() == 0
 
 
 def test_strokes_are_kept_that_a_mean_would_lose(scene, cameras, striped):
     mean = solved(scene, striped)
-    led = solved(scene, striped, shares_of(scene, cameras))
-    _, styled = descended(led, striped)
+    first = solved(scene, striped, led_views(scene, cameras))
+    _, styled = descended(first, striped)
     between = ring_cameras(demo_scene(), 16, 48)[1::2]
-    energies = [energy(each, between) for each in (mean, led, styled)]
+    energies = [energy(each, between) for each in (mean, first, styled)]
     assert energies[0] < energies[1] < energies[2]
 
 

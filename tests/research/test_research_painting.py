@@ -1,5 +1,6 @@
 """The claims of the paper are judged from records alone; a descent is that of gsedit's strokes."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -124,18 +125,18 @@ def test_the_descent_is_that_of_gsedit():
     cameras = tuple(ring_cameras(demo_scene(), 3, 64))
     pictures = [render(scene, camera).color for camera in cameras]
     targets = [picture.clamp(0, 1).flip(-1) for picture in pictures]
-    shares = [torch.full((64, 64), 0.5) for _ in cameras]
+    share = torch.full((64, 64), 0.5)
     views = [View(str(i), *each) for i, each in enumerate(zip(cameras, targets))]
     inside = torch.ones(len(scene), dtype=torch.bool)
     *_, expected = stroke_steps(
         scene, views, inside, STEPS, FilterBank(), torch.Generator().manual_seed(0),
-        shares=shares, weights=[color_weights(scene, camera) for camera in cameras],
+        weights=[replace(color_weights(scene, each), wanted=share) for each in cameras],
     )  # fmt: skip
     none = torch.zeros(0, 0)
     case = Case("", scene, cameras, (0, 1, 2), (0, 1, 2), (), none, {}, {}, {}, {}, 0.0)
     descent = Descent(scene, case, "sum", 10.0, 0)
-    for i, each in enumerate(zip(targets, shares)):
-        descent.put(i, *each)
+    for i, target in enumerate(targets):
+        descent.put(i, target, share)
     for step in range(STEPS):
         descent.step(descent.next_view(), RATE * (1 - 0.9 * step / STEPS))
     assert torch.allclose(descent.scene.sh, expected.sh, atol=1e-4)

@@ -25,8 +25,8 @@ from gsedit.capture.fitting.strokes import (
     RATE,
     Drawn,
     gradient_ratio,
-    leading_shares,
     leading_views,
+    led,
 )
 from gsedit.measures.features import FilterBank
 from gsedit.measures.perceptual import perceptual_distance
@@ -187,22 +187,20 @@ class Bench:
 
     def _start(
         self, views: str, seed: int, blocks: int, solve: str
-    ) -> tuple[Gaussians, dict[int, Float[Tensor, "h w"]], float]:
+    ) -> tuple[Gaussians, dict[int, Float[Tensor, "h w"] | None], float]:
         """The scene where a descent begins, the weights of pixels, and seconds."""
         case, targets = self.case, self.targets(views, seed, blocks)[0]
-        begin, scene, shares = time.process_time(), case.scene, {}
+        begin, scene, weights = time.process_time(), case.scene, []
         if solve == "lead":
             leading = leading_views(case.weights[list(targets)], scene.means)
-            blended = [color_weights(scene, case.cameras[i]) for i in targets]
-            shares = dict(zip(targets, leading_shares(blended, leading)))
+            weights = [led(scene, case.cameras[i], leading == k) for k, i in enumerate(targets)]
         if solve != "none":
             shown = [View(str(i), case.cameras[i], each) for i, each in targets.items()]
             every = torch.ones(len(scene), dtype=torch.bool)
-            weights = list(shares.values()) or None
-            for found in solve_colors(scene, shown, every, shares=weights, band_penalty=inf):
+            for found in solve_colors(scene, shown, every, weights=weights, band_penalty=inf):
                 last = found
             scene = last.scene
-        return scene, shares, time.process_time() - begin
+        return scene, {i: w.wanted for i, w in zip(targets, weights)}, time.process_time() - begin
 
     def strategy(self, name: str, seconds: Sequence[float], seed: int = 0) -> Iterator[Work]:
         """The scene of a strategy after so many processor seconds each; all descend the sum at a
@@ -210,7 +208,7 @@ class Bench:
         case, chance = self.case, torch.Generator().manual_seed(seed)
         planned, start, spent, steps, edits = ("planned", 0, 0), case.scene, 0.0, 0, 0
         targets: Mapping[int, Tensor] = {i: case.unedited[i] for i in case.views}
-        shares: Mapping[int, Tensor] = {}
+        shares: Mapping[int, Tensor | None] = {}
         if name not in ("iterative", REPAINT):
             targets, spent = self.targets(*planned)
             edits = len(targets)
@@ -295,8 +293,8 @@ class Descent:
             with torch.no_grad():
                 before = render(self._start, camera).color
             view = View(str(i), camera, target)
-            blended = color_weights(self._start, camera)
-            self._drawn[i] = Drawn(blended, view, before, share, BANK)
+            weights = replace(color_weights(self._start, camera), wanted=share)
+            self._drawn[i] = Drawn(weights, view, before, BANK)
         return self._drawn[i]
 
     def step(self, i: int, rate: float) -> None:

@@ -145,7 +145,6 @@ def solve_colors(
     targets: Sequence[View],
     inside: Bool[Tensor, " n"],
     *,
-    shares: Sequence[Float[Tensor, "h w"]] | None = None,
     weights: Sequence[ColorWeights] | None = None,
     most_iterations: int = MOST_ITERATIONS,
     least_gain_db: float = LEAST_GAIN_DB,
@@ -154,17 +153,16 @@ def solve_colors(
 ) -> Iterator[Solution]:
     """Yield the scene after every iteration, the last one last; only colors `inside` change.
 
-    `shares` are weights of pixels, in [0, 1]; None: all weigh 1. `weights` are the blending weights
-    of the targets' cameras, where they are known. Colors of degree 0 and 1 move,
+    `weights` are those of blending at the targets' cameras, where they are known, and how much
+    pixels count, in [0, 1]. Colors of degree 0 and 1 move,
     those of degree 1 not for a `band_penalty` of infinity; higher bands stay. Negative colors count
     as they are, not clamped: raise them before. Pixels that a view's mask leaves out do not count.
     The residual never rises from one iteration to the next.
     """
     if not inside.any() or not targets:
         return
-    each_share, known = (repeat(None) if each is None else each for each in (shares, weights))
     k = 1 if band_penalty == inf else min(MOST_COEFFICIENTS, scene.sh.shape[1])
-    views = [_shown(scene, k, *each) for each in zip(targets, each_share, known)]
+    views = [_shown(scene, k, *each) for each in zip(targets, weights or repeat(None))]
     base, moved = sh_to_color(scene.sh[:, 0]), inside[:, None, None].to(scene.means)
     sums = _back(len(scene), views, [v.mask + torch.zeros_like(v.missing) for v in views], 1)
     shown = sums[:, 0, :1] * moved[:, 0]
@@ -208,17 +206,10 @@ def trusting_penalty(
     return max(p for p in PENALTIES if errors[p] <= AS_GOOD * min(errors.values()))
 
 
-def _shown(
-    scene: Gaussians,
-    coefficients: int,
-    view: View,
-    share: Float[Tensor, "h w"] | None,
-    weights: ColorWeights | None,
-) -> _Shown:
+def _shown(scene: Gaussians, coefficients: int, view: View, weights: ColorWeights | None) -> _Shown:
     weights = weights or color_weights(scene, view.camera)
     mask = 1.0 if view.mask is None else view.mask[..., None].to(scene.means)
-    if share is not None:
-        mask, weights = mask * share[..., None], weights.at(share)
+    mask = mask if weights.wanted is None else mask * weights.wanted[..., None]
     directions = view_directions(scene.means.index_select(0, weights.rows), view.camera)
     harmonics = basis(directions, isqrt(coefficients) - 1) / SH_DC
     before = mask * render(scene, view.camera).color

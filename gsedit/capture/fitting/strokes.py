@@ -22,7 +22,8 @@ from gsedit.measures.losses import gram
 from gsedit.run.step_threads import StepThreads
 from gsedit.scene.neighbors import k_nearest
 from gsedit.views.dataset import View
-from rasterizer.color_weights import ColorWeights
+from rasterizer.camera import Camera
+from rasterizer.color_weights import ColorWeights, color_weights
 from rasterizer.numerics import SH_DC
 from rasterizer.render import render_picture
 from rasterizer.scene import Gaussians
@@ -67,13 +68,12 @@ def leading_views(weights: Float[Tensor, "v n"], means: Float[Tensor, "n 3"]) ->
     return leading
 
 
-def leading_shares(
-    views: Sequence[ColorWeights], leading: Int[Tensor, " n"]
-) -> list[Float[Tensor, "h w"]]:
-    """Weight of each pixel of each view: the share that the view leads, from LEAST_SHARE on."""
-    leads = ((leading == i).float()[:, None].expand(-1, 3) for i in range(len(views)))
-    own = [each.picture(led.contiguous())[..., 0].clamp_max(1) for each, led in zip(views, leads)]
-    return [each * (each >= LEAST_SHARE) for each in own]
+def led(scene: Gaussians, camera: Camera, leads: Bool[Tensor, " n"]) -> ColorWeights:
+    """Weights of a view that leads these Gaussians: a pixel counts by its share of them, from
+    LEAST_SHARE on."""
+    weights = color_weights(scene, camera)
+    share = weights.picture(leads.to(scene.means)[:, None].repeat(1, 3))[..., 0].clamp_max(1)
+    return replace(weights, wanted=share * (share >= LEAST_SHARE))
 
 
 def stroke_steps(
@@ -84,17 +84,16 @@ def stroke_steps(
     features: FeatureExtractor,
     generator: torch.Generator,
     *,
-    shares: Sequence[Float[Tensor, "h w"]],
     weights: Sequence[ColorWeights],
 ) -> Iterator[float | Gaussians]:
     """Yield the loss of every step, of a view, and last the scene; base colors `inside` move.
 
-    `shares` are the weights of pixels in the MSE, `weights` those of blending. The Gram loss is
-    relative to the targets' own: a sum over layers.
+    `weights` are those of blending, and how much pixels count in the MSE. The Gram loss is relative
+    to the targets' own: a sum over layers.
     """
     drawn = [
-        Drawn(own, view, render_picture(scene, view.camera), share, features)
-        for own, view, share in zip(weights, targets, shares)
+        Drawn(own, view, render_picture(scene, view.camera), features)
+        for own, view in zip(weights, targets)
     ]
     change = torch.zeros_like(scene.means, requires_grad=True)
     adam, weight, threads, order = Adam(), None, StepThreads(), list[int]()
@@ -134,12 +133,11 @@ class Drawn:
         weights: ColorWeights,
         target: View,
         picture: Float[Tensor, "h w 3"],
-        share: Float[Tensor, "h w"],
         features: FeatureExtractor,
     ) -> None:
-        self.weights, self.picture, self.target = weights, picture, target.image
-        self.features = features
-        self.share = share[..., None].square()
+        self.weights, self.picture, self.features = replace(weights, wanted=None), picture, features
+        self.target, share = target.image, weights.wanted
+        self.share = torch.ones(()) if share is None else share[..., None].square()
         with torch.no_grad():
             self.grams = [gram(each) for each in features(_channels_first(target.image))]
 

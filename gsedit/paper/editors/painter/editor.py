@@ -60,10 +60,10 @@ PAPER, GRAPHITE = 0.97, 0.12
 """Display tones of paper and of lines."""
 LINES, EDGE, JUMP = (1.2, 2.4), 0.05, 0.06
 """Widths of lines, pixels; differences in tone, and in the logarithm of depth, of the darkest."""
-GRAIN, BUSY = 0.22, 0.03
-"""Pixels, in the picture's longer side, of a line below which it is grain; difference in tone from
-the surroundings from which there are too many."""
-HATCHES = ((40.0, 0.72), (40.0, 0.42), (-30.0, 0.22))
+GRAIN, BUSY = 0.08, 0.03
+"""Length of a line, in the picture's longer side, that is about the least that is no grain;
+difference in tone from the surroundings from which there are too many."""
+HATCHES = ((40.0, 0.65), (40.0, 0.39), (-30.0, 0.21))
 """Directions of hatching, degrees, and the tones below which each begins."""
 STROKE = (30.0, 2.6)
 """Length and width of its strokes, pixels: Gaussians hold no finer ones."""
@@ -89,7 +89,8 @@ def penciled(
         far = median_filter(seen.log().numpy(), 5)
         line = np.maximum(line, _long((gaussian_filter(far, 2) - far) / JUMP))
         pale = np.exp(2 * (np.quantile(far, 0.3) - far) + 0.5).clip(0.25, 1)
-    left = (1 - line * np.sqrt(pale)) * (1 - pale * _hatching(tone))
+    calm = tone + (busy - 0.7).clip(0, 1) * (gaussian_filter(even, 12) - tone)
+    left = (1 - line * np.sqrt(pale)) * (1 - pale * _hatching(calm))
     drawn = torch.from_numpy(GRAPHITE + (PAPER - GRAPHITE) * left).to(picture)
     return drawn[..., None].repeat(1, 1, 3)
 
@@ -105,13 +106,14 @@ def _even(tone: Map, radius: int) -> Map:
 
 def _long(edge: Map) -> Map:
     """Edges as lines, in [0, 1], but for short ones."""
-    from scipy.ndimage import label
+    from scipy.ndimage import find_objects, label
 
     line = edge.clip(0, 1)
     found: Any = label(line > 0.3, np.ones((3, 3)))
     parts = found[0]
-    pixels = np.bincount(parts.ravel()) / (GRAIN * max(edge.shape))
-    return line * (pixels[parts] - 0.5).clip(0, 1) * (parts > 0)
+    sides = [np.hypot(*(each.stop - each.start for each in box)) for box in find_objects(parts)]
+    length = np.array([0.0, *sides]) / (GRAIN * max(edge.shape))
+    return line * (length[parts] - 0.4).clip(0, 1)
 
 
 def _hatching(tone: Map) -> Map:
