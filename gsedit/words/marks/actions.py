@@ -28,8 +28,6 @@ UNIT = re.compile(rf"(?<![a-z])({spans('metres')})\b")
 LENGTH = re.compile(rf"\S+ ?(?<![a-z])(?:{spans('metres')})\b")
 TURNS: dict[str, float] = {"quarter": 90.0, "half": 180.0, "full": 360.0}
 """Degrees of a part of a turn."""
-AROUND = re.compile(rf"\b(?:{spans('half')})\b", re.IGNORECASE)
-"""Words of a turn by half a circle."""
 CLOCKWISE = re.compile(
     r"\b(counter|anti|contra)?[ -]?clock ?wise\b|"
     r"(\b(?:against|opposite|other|reverse|not)(?: to)?(?: the)? )?"
@@ -104,7 +102,7 @@ def _turn(asked: Asked, text: str, phrase: str) -> tuple[float, None]:
     elif asked.degree == "little":
         degrees = 15.0
     else:
-        degrees = 180.0 if not asked.sign or AROUND.search(text) else 90.0
+        degrees = 90.0 if asked.sign else 180.0
     if not degrees % 360:
         raise Refused("nonsense")
     ways = {each.lastindex is None for each in CLOCKWISE.finditer(text)}

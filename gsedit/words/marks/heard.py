@@ -40,6 +40,7 @@ DENIED = re.compile(
 """A sentence that begins or ends with a denial."""
 TOLD_OF = re.compile(
     rf"{LED}(?:nobody|no one|there is no need|.*\banything but|avoid this|who \w+ to|don'?t the|"
+    r".*\bthan (?:needed|necessary|wanted|(?:it|they) should)|"
     r"(?:he|she|they) (?:said|says|told)|"
     r"if (?:you|we|i) (?!(?:can|could|please|would|want|like|do not|don'?t|may|wo|will)\b))\b",
     re.IGNORECASE,

@@ -19,8 +19,6 @@ GROWTH, LAMPS = lexicon.names("growth"), lights("own")
 """Layers that lie on what faces the sky, and lights whose brightness is their own."""
 UNSIDED = LIGHTS - lights("sun") - lights("lamp")
 """Lights from no side."""
-SURFACE = re.compile(r"\b(?:an?|very|more|look|surface|finish|sheen)\b")
-"""Words beside that of a finish which name no material."""
 GLOW = "glow"
 """Material of any color."""
 FROM = lexicon.things("from")
@@ -176,11 +174,11 @@ def paint(name: str) -> Change | None:
 
 
 def finish(name: str) -> Change | None:
-    """The finish that words name, and nothing else: "matte", "a polished surface"; None for other
+    """The finish that words name, and nothing else: "matte", "satin finish"; None for other
     words, for satin and metallic, which are materials, alone, and for light that shines."""
-    bare = SURFACE.sub("", name).strip()
+    bare = re.sub(r"^(?:an?|very) | (?:finish|surface|sheen)$", "", name)
     said = bare if bare == "polished" else _facts("finish").get(bare, "")
-    alone = bare == name.strip() and (bare == "metallic" or material(name))
+    alone = bare == name and (bare == "metallic" or material(name))
     if not said or bare.startswith("shine") or alone:
         return None
     return Change("subject", "material", f"{said} finish", None, None, "material")
