@@ -72,8 +72,6 @@ def _factor(asked: Asked, text: str) -> float | None:
         return None
     remains = said.startswith(("to ", "at ")) and asked.after.lower() not in ("less", "off")
     remains = remains or asked.after.lower() in ("of", "as", "the", "its")
-    if ratio := re.search(r"(\d+) ?: ?([1-9]\d*)", said):
-        return float(ratio[1]) / float(ratio[2])
     if "%" in said or "percent" in said or "per cent" in said:
         share = number / 100
         more = said.startswith("by") or asked.after.lower().endswith("er")

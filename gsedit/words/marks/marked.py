@@ -255,6 +255,14 @@ class Marked:
     marks: tuple[tuple[int, int], ...] = ()
     """First letter and end in the text of all that is marked."""
 
+    @property
+    def left(self) -> str:
+        """The text with strokes in place of all that is marked."""
+        text = self.text
+        for first, last in self.marks:
+            text = f"{text[:first]}{'|' * (last - first)}{text[last:]}"
+        return text
+
 
 def phrase(text: str) -> str:
     """A phrase as it names a thing: small letters, no marks, with an article."""

@@ -30,7 +30,6 @@ ONLY = r"\bonly (?:on|at|in|for|to) {0}\b|\b{0} only\b"
 SUBJECT = re.compile(r"^(?:the )?(?:subject|main thing|main object)$")
 """Phrases of the subject."""
 SOLID = ("material", "paint", "growth", "object")
-MADE = ("the clone", "the new one", "the duplicate", "the second one", "the copied one")
 LIT = re.compile(r"\b(?:only|just|alone|solely)\b", re.IGNORECASE)
 """Words that make of a light on a thing a light on that thing alone."""
 
@@ -39,9 +38,9 @@ def changes_of(said: Marked, files: Sequence[str] = ()) -> list[Change]:
     """Changes of what is marked in a sentence. Raises Refused for what nothing does."""
     found, last, left = list[Change](), "", list(files)
     for before, asked in zip((None, *said.asked), said.asked):
-        same = before and asked.of == before.of and asked.deed == before.deed == "tone"
-        if same and asked.part == "scene":  # "make the bear brighter and warmer"
-            asked = replace(asked, part=before.part)
+        both = before and before.deed == asked.deed == "tone" and asked.of == before.of
+        if before and both and asked.part == "scene":
+            asked = replace(asked, part=before.part)  # "make the bear brighter and warmer"
         put = asked.of_file and asked.deed in ("move", "copy")
         if left and (put or asked.deed == "insert"):
             change = inserted(left.pop(0), asked)
@@ -226,7 +225,7 @@ def tells(phrase: str) -> bool:
 
 def _told(of: str) -> str:
     """A phrase as objects are called: "object 3", "the copy" for one that was just made."""
-    if of in MADE:
+    if of in things("copied"):
         return "the copy"
     numbered = NUMBERED.fullmatch(of)
     return f"object {numbered[1]}" if numbered else of
@@ -273,5 +272,5 @@ def _without(
     if thing and change.target == "scene":
         keep = tuple(each for each in named if each != thing)
         return replace(change, target="background", phrase=thing, keep=keep)
-    kept = replace(change, keep=tuple(named))
-    return owned(kept) if change.target == "background" else kept
+    change = replace(change, keep=tuple(named))
+    return owned(change) if change.target == "background" else change
