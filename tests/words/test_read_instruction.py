@@ -89,7 +89,7 @@ def test_any_words_are_read_or_refused():
         ("weak contrast, increase it", "contrast", 1), ("counteract the yellow", "warmth", -1),
         ("two stops under", "brightness", -1), ("underexpose it", "brightness", -1),
         ("pretty bright please", "brightness", 1), ("make the lawn greener", "hue", 1),
-        ("bring the colors out", "saturation", 1),
+        ("bring the colors out", "saturation", 1), ("make the ears browner", "hue", 1),
         ("more contrast without less saturation", "contrast", 1),
         ("brighten without fading the colors", "brightness", 1),
     ],

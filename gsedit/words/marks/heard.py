@@ -59,9 +59,9 @@ TURNED = re.compile(rf"\b(?:{spans('turned')}|to(?= \w+$))\b|n't\b|'s\b", re.IGN
 CLAUSE = re.compile(r"[^|,;.:!?\n]+")
 TELLS = re.compile(rf"\b(?:{spans('tells')})\b|'(?:s|m|ve|t)\b", re.IGNORECASE)
 """Words of a clause that only tells what there is."""
-VAGUE = re.compile(
-    rf"{LED}(?:clean|tidy|declutter|bring|throw)\b(?!.*\b(?:off|out|away|from)\b)|\b(?:recover|isolate)\b",
-    re.I,
+VAGUE = (
+    rf"{LED}(?:clean|tidy|declutter|bring|throw)\b(?!.*\b(?:off|out|away|from)\b)|\b(?:recover|"
+    r"isolate)\b|(?<!apart )\b(?:from|in) {}\b"
 )
 """A sentence that may mean that something goes, and may not."""
 STAYING = re.compile(
@@ -116,7 +116,8 @@ def unsure(said: Marked, files: Sequence[str] = ()) -> bool:
     """Whether what is marked, or that nothing more is, is not sure; that files are put in is."""
     asked = (each for each in said.asked if not (files and each.of_file))
     least = min((each.sure for each in asked), default=1.0)
-    vague = bool(VAGUE.search(said.text)) and any(each.deed == "remove" for each in said.asked)
+    gone = (each for each in said.asked if each.deed == "remove")
+    vague = any(re.search(VAGUE.format(re.escape(c.of or "it")), said.text, re.I) for c in gone)
     doubted = vague or any(turned(each, said.text) for each in said.asked)
     all_of_it = said.asked and all(c.deed in ALIKE[1] and c.part == "scene" for c in said.asked)
     stays = said.kept_more > KEPT_MORE and not (all_of_it and not STAYING.search(said.text))

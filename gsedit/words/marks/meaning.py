@@ -87,6 +87,8 @@ def _refuse_two(changes: Sequence[Change]) -> None:
 
 def _change(asked: Asked, text: str) -> Change:
     """A change, of its usual part. Raises Refused."""
+    if asked.deed != "tone" and asked.name.lower() in things("hue"):  # "the sky bluer"
+        asked = replace(asked, deed="tone", tone="hue", sign=1)
     match asked.deed:
         case "tone":
             return _toned(asked, text)

@@ -199,18 +199,15 @@ def cover(name: str, degree: str = "") -> Change | None:
     words = scanned(name)
     told = (each for word in words for each in (word.text, word.value) if each in GROWTH)
     if said := next(told, "") or told_by("growth", name):
-        amount = THICKER.get(degree)
-        if any(w.text in ("thick", "deep", "heavy", "dense") for w in words):
-            amount = amount or THICKER["much"]
-        return Change("subject", "growth", said, None, amount, "object")
+        return Change("subject", "growth", said, None, THICKER.get(degree), "object")
     return material(name) or look(name)
 
 
 def light(name: str, side: str = "", degree: str = "") -> Change | None:
     """The light or weather that words name; None for none."""
     words = scanned(name)
-    lit = [word for word in words if word.kind == "light"]
-    word = next((w for w in lit if w.value not in ("cloudy",)), lit[0] if lit else None)
+    lit = (word for word in words if word.kind == "light")
+    word = min(lit, key=lambda each: each.value == "cloudy", default=None)
     if word is None and (value := told_by("light", name)):
         word = Word(value, "light", value)
     colored = next((w for w in words if w.color and w is not word), None)
