@@ -12,7 +12,7 @@ from itertools import groupby
 from gsedit.errors import UsageError
 from gsedit.paper.settings import EditSettings
 from gsedit.words.instruction import Change, Instruction
-from gsedit.words.phrases import GROUNDS
+from gsedit.words.phrases import GROUNDS, owned
 from gsedit.words.read import read_instruction
 from gsedit.words.refusals import no_style
 
@@ -66,11 +66,11 @@ def steps_of(instruction: Instruction) -> tuple[Instruction, ...]:
     """
     if not instruction.known:
         raise UsageError(instruction.why)
-    changes = instruction.changes
+    changes = tuple(map(owned, instruction.changes))
     if lost := next((c for c in changes if c.route not in (*EXACT_ROUTES, STYLE)), None):
         raise UsageError(no_style(lost.name))
     if is_exact(instruction):
-        return (instruction,)
+        return (replace(instruction, changes=changes),)
     groups = groupby(changes, lambda each: "" if each.route in EXACT_ROUTES else key_of(each))
     steps = [tuple(group) for _, group in groups]
     told = ["; ".join(map(str, step)) for step in steps]

@@ -57,9 +57,6 @@ def amount_of(words: list[Word]) -> Amount:
             return Amount(factor=word.number)
         if word.kind not in ("number", "fraction"):
             continue
-        beside = (*words[at - 1 : at], *words[at + 1 : at + 2])
-        if word.number == 0 and any(each.kind == "noun" for each in beside):
-            return Amount(factor=0.0)
         number, at = _number_at(words, at)
         if words[at].kind == "fraction":
             stops = any(each.value == "stops" for each in words[at + 1 : at + 4])

@@ -26,6 +26,20 @@ def is_noun(phrase: str) -> bool:
     return len(words) == 1 and words[0].kind in ("subject", "unknown") and not ranked
 
 
+QUALITY = re.compile(
+    r"(?:^(?:the|its|their|all)|'s?)?(?: own| original)? ?\b(?:colou?rs?|brightness|contrast|blue|"
+    r"saturation|warmth|shadows|highlights|whites|blacks|midtones|lighting|sharpness)$"
+)
+"""A quality that stays, with whose it is: "the cake's brightness", "the shadows"."""
+
+
+def owned(change: Change) -> Change:
+    """A change of which things stay whose qualities do; qualities of no thing do by themselves."""
+    keep = tuple(filter(None, (QUALITY.sub("", each) for each in change.keep)))
+    phrase = QUALITY.sub("", change.phrase) if change.target == "background" else change.phrase
+    return replace(change, phrase=phrase, keep=keep)
+
+
 BASED = "it with its base"
 """Phrase of the subject with what it stands on."""
 _BASE = r"(?:base|plinth|pedestal|stand|socle|slab|rock|stone|support)"

@@ -10,6 +10,7 @@ from gsedit.words.instruction import Change, Place
 from gsedit.words.marks import values
 from gsedit.words.marks.marked import Asked, Marked
 from gsedit.words.marks.meaning import changes_of
+from gsedit.words.phrases import owned
 from gsedit.words.read import read_instruction
 from gsedit.words.refusals import REASONS, Refused
 
@@ -126,14 +127,14 @@ def test_what_no_route_does_as_it_is_said_is_refused(made, kind):
 
 
 def test_what_stays_is_left_out_of_what_changes():
-    gold, vase = (
-        asked("material", name="gold"),
-        asked("paint", part="span", of="the vase", name="red"),
-    )
+    gold = asked("material", name="gold")
+    vase = asked("paint", part="span", of="the vase", name="red")
     assert meant(vase, kept=("the table",))[0].keep == ("the table",)
     (all_but,) = meant(asked("tone", tone="warmth", part="scene", sign=1), kept=("the bear",))
     assert (all_but.target, all_but.phrase) == ("background", "the bear")
     assert meant(gold, kept=("the background",))[0].target == "subject"
+    (gray,) = meant(asked("tone", tone="grayscale"), kept=("the car's blue", "the shadows"))
+    assert (gray.phrase, owned(gray).phrase, owned(gray).keep) == ("the car's blue", "the car", ())
     (rest,) = meant(asked("paint", part="but", of="the bear", name="red"), kept=("the bear",))
     assert (rest.target, rest.phrase, rest.keep) == ("background", "the bear", ())
     for kept in ("the vase", "the rest of it"):
@@ -189,7 +190,8 @@ def test_a_name_is_found_by_its_words(find, name, made):
 def test_what_is_said_twice_is_done_once():
     red = asked("paint", name="red", part="span", of="the vase")
     assert [str(each) for each in meant(red, red)] == ["the vase painted red (#e50000)"]
-    assert len(meant(*[asked("tone", tone="brightness", sign=-1)] * 2)) == 1
+    dark = [asked("tone", tone="brightness", sign=-1, amount=each) for each in ("30 %", "")]
+    assert [each.amount for each in meant(*dark)] == [-0.3]
     assert len(meant(asked("scale", sign=1), asked("scale", sign=1))) == 2
 
 

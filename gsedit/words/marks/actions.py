@@ -28,8 +28,6 @@ UNIT = re.compile(rf"(?<![a-z])({spans('metres')})\b")
 LENGTH = re.compile(rf"\S+ ?(?<![a-z])(?:{spans('metres')})\b")
 TURNS: dict[str, float] = {"quarter": 90.0, "half": 180.0, "full": 360.0}
 """Degrees of a part of a turn."""
-AROUND = re.compile(rf"\b(?:{spans('half')})\b", re.IGNORECASE)
-"""Words of a turn by half a circle."""
 CLOCKWISE = re.compile(
     r"\b(counter|anti|contra)?[ -]?clock ?wise\b|"
     r"(\b(?:against|opposite|other|reverse|not)(?: to)?(?: the)? )?"
@@ -74,8 +72,6 @@ def _factor(asked: Asked, text: str) -> float | None:
         return None
     remains = said.startswith(("to ", "at ")) and asked.after.lower() not in ("less", "off")
     remains = remains or asked.after.lower() in ("of", "as", "the", "its")
-    if ratio := re.search(r"(\d+) ?: ?([1-9]\d*)", said):
-        return float(ratio[1]) / float(ratio[2])
     if "%" in said or "percent" in said or "per cent" in said:
         share = number / 100
         more = said.startswith("by") or asked.after.lower().endswith("er")
@@ -104,7 +100,7 @@ def _turn(asked: Asked, text: str, phrase: str) -> tuple[float, None]:
     elif asked.degree == "little":
         degrees = 15.0
     else:
-        degrees = 180.0 if not asked.sign or AROUND.search(text) else 90.0
+        degrees = 90.0 if asked.sign else 180.0
     if not degrees % 360:
         raise Refused("nonsense")
     ways = {each.lastindex is None for each in CLOCKWISE.finditer(text)}

@@ -12,8 +12,8 @@ from functools import lru_cache
 
 from gsedit.words.amounts import DEFAULT
 from gsedit.words.instruction import Change
-from gsedit.words.lexicon import spans
-from gsedit.words.marks.marked import TAKEN_BACK, Asked, Marked, pieces, spelled, told
+from gsedit.words.lexicon import spans, things
+from gsedit.words.marks.marked import ALIKE, TAKEN_BACK, Asked, Marked, pieces, spelled, told
 from gsedit.words.marks.meaning import changes_of
 from gsedit.words.marks.values import plainly
 from gsedit.words.refusals import Refused
@@ -40,6 +40,7 @@ DENIED = re.compile(
 """A sentence that begins or ends with a denial."""
 TOLD_OF = re.compile(
     rf"{LED}(?:nobody|no one|there is no need|.*\banything but|avoid this|who \w+ to|don'?t the|"
+    r".*\bthan (?:needed|necessary|wanted|(?:it|they) should)|"
     r"(?:he|she|they) (?:said|says|told)|"
     r"if (?:you|we|i) (?!(?:can|could|please|would|want|like|do not|don'?t|may|wo|will)\b))\b",
     re.IGNORECASE,
@@ -58,14 +59,11 @@ TURNED = re.compile(rf"\b(?:{spans('turned')}|to(?= \w+$))\b|n't\b|'s\b", re.IGN
 CLAUSE = re.compile(r"[^|,;.:!?\n]+")
 TELLS = re.compile(rf"\b(?:{spans('tells')})\b|'(?:s|m|ve|t)\b", re.IGNORECASE)
 """Words of a clause that only tells what there is."""
-QUALITIES = ("color", "material", "light", "look", "style", "growth", "finish")
-"""Kinds of words that say what something becomes."""
-VAGUE = re.compile(
-    rf"{LED}(?:clean|tidy|declutter|bring|throw)\b(?!.*\b(?:off|out|away|from)\b)|\b(?:recover|isolate)\b",
-    re.I,
+VAGUE = (
+    rf"{LED}(?:clean|tidy|declutter|bring|throw)\b(?!.*\b(?:off|out|away|from)\b)|\b(?:recover|"
+    r"isolate)\b|(?<!apart )\b(?:from|in) {}\b"
 )
 """A sentence that may mean that something goes, and may not."""
-SCENIC = ("light", "weather", "look")
 STAYING = re.compile(
     rf"{STAYS.pattern}|\b(?:not?|never|dont|only|but|alone|just|more|less)\b|n't\b", re.I
 )
@@ -74,6 +72,8 @@ REFUSED = 0.6
 """Least probability that nothing can be done."""
 UNSURE = 0.7
 """Least probability of what is marked that is taken."""
+UNSURE_ALONE = 0.53
+"""Least probability of one change, where no word is left that names something."""
 MORE = 0.3
 """Largest probability of a change that is not told."""
 KEPT_MORE = 0.1
@@ -116,11 +116,22 @@ def unsure(said: Marked, files: Sequence[str] = ()) -> bool:
     """Whether what is marked, or that nothing more is, is not sure; that files are put in is."""
     asked = (each for each in said.asked if not (files and each.of_file))
     least = min((each.sure for each in asked), default=1.0)
-    vague = bool(VAGUE.search(said.text)) and any(each.deed == "remove" for each in said.asked)
+    gone = (each for each in said.asked if each.deed == "remove")
+    vague = any(re.search(VAGUE.format(re.escape(c.of or "it")), said.text, re.I) for c in gone)
     doubted = vague or any(turned(each, said.text) for each in said.asked)
-    all_of_it = said.asked and all(c.deed in SCENIC and c.part == "scene" for c in said.asked)
+    all_of_it = said.asked and all(c.deed in ALIKE[1] and c.part == "scene" for c in said.asked)
     stays = said.kept_more > KEPT_MORE and not (all_of_it and not STAYING.search(said.text))
+    if len(said.asked) == 1 and alone(said.asked[0], said):
+        return doubted or least < UNSURE_ALONE or said.more > MORE
     return doubted or least < UNSURE or said.more > MORE or bool(stays)
+
+
+def alone(asked: Asked, said: Marked) -> bool:
+    """Whether words name the only change of a sentence, and nothing beside it."""
+    toned = {"state", "turn", "hue", "noun"} & {word.kind for word in scanned(said.text)}
+    named = asked.name or asked.deed != "tone" or toned
+    left = any(word.kind in things("naming") for word in scanned(said.left))
+    return bool(named and not left) and asked.deed != "remove" and not STAYS.search(asked.of)
 
 
 def turned(asked: Asked, text: str) -> bool:
@@ -143,14 +154,12 @@ def turned(asked: Asked, text: str) -> bool:
 def unread(said: Marked, changes: Sequence[Change]) -> tuple[str, ...]:
     """Clauses of a text that say a quality which is in no change, but for those that only tell what
     there is, or are taken back."""
-    text, end = said.text, max((m.end() for m in TAKEN_BACK.finditer(said.text)), default=0)
-    for first, last in said.marks:
-        text = f"{text[:first]}{'|' * (last - first)}{text[last:]}"
+    end = max((m.end() for m in TAKEN_BACK.finditer(said.text)), default=0)
     toned = any(each.deed == "tone" for each in said.asked)
     made = f"{'; '.join(map(str, changes))} scales day"
     return tuple(
         found[0].strip()
-        for found in CLAUSE.finditer(text)
+        for found in CLAUSE.finditer(said.left)
         if found.end() > end and not TELLS.search(found[0])
         and any(_lost(word, made, toned=toned) for word in scanned(found[0]))
     )  # fmt: skip
@@ -160,7 +169,7 @@ def _lost(word: Word, made: str, *, toned: bool) -> bool:
     """Whether a word says a quality that is in no change."""
     if word.kind in ("state", "turn"):
         return not toned and word.value.split()[0] in DEFAULT
-    return word.kind in QUALITIES and word.value not in made and word.text not in made
+    return word.kind in things("becomes") and word.value not in made and word.text not in made
 
 
 def heard(text: str, files: Sequence[str] = ()) -> tuple[tuple[Change, ...], bool, tuple[str, ...]]:
@@ -177,5 +186,5 @@ def heard(text: str, files: Sequence[str] = ()) -> tuple[tuple[Change, ...], boo
     if not said.kept and (stopped := stays_unheard(text, changes)):
         raise Refused("kept", stopped)
     lost = unread(said, changes)
-    whole = text.strip(" .!?") in lost and any(w.kind in QUALITIES[1:] for w in scanned(text))
+    whole = text.strip(" .!?") in lost and any(w.kind in things("frame") for w in scanned(text))
     return changes, not (whole or unsure(said, files)), lost

@@ -163,15 +163,14 @@ ALIKE = (("paint", "material", "cover"), ("light", "weather", "look"))
 """Kinds of changes between which the name decides."""
 NEAREST = 3
 """Names that are told where no word is known."""
-ARTICLES = re.compile(r"^(?:(?:on|of|in|to|for|at|just|only) )+(?=\w)|^(?:an?|only|just) ")
+ARTICLES = re.compile(
+    r"^(?:(?:on|of|in|to|for|at|just|only) )+(?=\w)|^(?:an?|only|just|them(?= (?:\w+ )?\w+s\b)) "
+)
 """Words that a phrase does not begin with."""
 ARTICLE = re.compile(r"^(?:the )?(?:the|an?|its?|their|his|her|my)$", re.IGNORECASE)
 """A mark that names nothing."""
-QUALITY = re.compile(
-    r"(?<!the)(?<!its)(?<!their)(?:'s?)? (?:own |original )?(?:colou?rs?|brightness|blue)$|"
-    r"'s?$|(?: (?:which|rests))+$"
-)
-"""Words for a quality behind a thing that stays: "the cake's brightness"."""
+STILL = re.compile(r"(?:'s?|(?: (?:which|rests))+)$")
+"""Words behind a thing that stays."""
 OWNED = re.compile(r"^(?:the|my|our|your|his|her|its|their|this|that|these|those) ")
 PRONOUN = re.compile(rf"^(?:{lexicon.spans('about')})$")
 """Phrases of what the sentence is about."""
@@ -256,6 +255,14 @@ class Marked:
     marks: tuple[tuple[int, int], ...] = ()
     """First letter and end in the text of all that is marked."""
 
+    @property
+    def left(self) -> str:
+        """The text with strokes in place of all that is marked."""
+        text = self.text
+        for first, last in self.marks:
+            text = f"{text[:first]}{'|' * (last - first)}{text[last:]}"
+        return text
+
 
 def phrase(text: str) -> str:
     """A phrase as it names a thing: small letters, no marks, with an article."""
@@ -280,7 +287,7 @@ def told(cut: Pieces, scores: Mapping, values: tuple[str, ...]) -> Marked:
         spans += found
     kept, unsure = _kept(cut, chances["kept"], spans)
     spans += kept
-    things = (QUALITY.sub("", phrase(cut.said(*each))) for each in kept)
+    things = (STILL.sub("", phrase(cut.said(*each))) for each in kept)
     phrases = tuple(each for each in things if not ARTICLE.match(each))
     letters = tuple((cut.words[a][0], cut.words[b][1]) for a, b in spans)
     refused = float(chances["refused"][1])

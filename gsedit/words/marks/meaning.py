@@ -15,36 +15,21 @@ from gsedit.words.marks import values
 from gsedit.words.marks.actions import UNREAL, action, inserted
 from gsedit.words.marks.marked import BACKGROUND, PRONOUN, WHOLE, Asked, Marked, loose
 from gsedit.words.names import light_of, lights
-from gsedit.words.phrases import IT
+from gsedit.words.phrases import IT, QUALITY, owned
 from gsedit.words.refusals import Refused
 from gsedit.words.scan import scanned
 
-PAIRED = re.compile(
-    r"\b(?:more \w+|less \w+|\w+er)(?:,? and|,| &) "
-    r"(?:(?!the\b|my\b|our\b|this\b|that\b|every|all\b)\w+ ){0,2}?(?:more \w+|less \w+|\w+er)"
-    r"(?=$|[,;.!?]| (?:please|and|but) )", re.IGNORECASE,
-)  # fmt: skip
-"""Two tones of one thing: "make the bear brighter and warmer"."""
 SCALES = {"": 1.0, "little": SLIGHT, "much": STRONG}
 """Shares of a tone's usual amount."""
-PAINTED = re.compile(r"\b(?:paint|painted|dye|dyed|colou?r|coat of)\b", re.IGNORECASE)
-"""Words that make a paint of what is a material too: "paint it gold"."""
 MIXED = re.compile(r"\b(?:mix|mixed|mixture|blend|blended|cross)\b", re.IGNORECASE)
 """Words that make one look of two."""
-INSIDE = re.compile(r"\w (?:in|from) the (?:background|surroundings?|scenery)$")
-"""Phrases of things that are in the background, not of the background."""
-FROM_SIDE = re.compile(r" from (?:the )?(?:left|right|front|behind|above|below)(?: side)?$")
-"""The side that light comes from, behind a phrase of what it falls on."""
+PAINTED = re.compile(r"\b(?:paint|painted|dye|dyed|colou?r|coat of)\b", re.IGNORECASE)
+"""Words that make a paint of what is a material too: "paint it gold"."""
+ONLY = r"\bonly (?:on|at|in|for|to) {0}\b|\b{0} only\b"
+"""Words for what alone changes."""
 SUBJECT = re.compile(r"^(?:the )?(?:subject|main thing|main object)$")
 """Phrases of the subject."""
 SOLID = ("material", "paint", "growth", "object")
-MADE = ("the clone", "the new one", "the duplicate", "the second one", "the copied one")
-LONG = re.compile(
-    r"^(?!.*\b(?:less|remove|no longer|(?:short|dark|bright|light|soft)e[nr])\b)"
-    r".*(?:\blong(?:er)?(?: \w+){0,2} shadows?\b|\bshadows?(?: \w+){0,2} longer\b)",
-    re.IGNORECASE | re.DOTALL,
-)
-"""Shadows of a low sun."""
 LIT = re.compile(r"\b(?:only|just|alone|solely)\b", re.IGNORECASE)
 """Words that make of a light on a thing a light on that thing alone."""
 
@@ -52,15 +37,15 @@ LIT = re.compile(r"\b(?:only|just|alone|solely)\b", re.IGNORECASE)
 def changes_of(said: Marked, files: Sequence[str] = ()) -> list[Change]:
     """Changes of what is marked in a sentence. Raises Refused for what nothing does."""
     found, last, left = list[Change](), "", list(files)
-    paired = PAIRED.search(said.text) is not None
     for before, asked in zip((None, *said.asked), said.asked):
-        if paired and before and asked.part == "scene" and asked.deed == before.deed == "tone":
-            asked = replace(asked, part=before.part, of=before.of)
+        both = before and before.deed == asked.deed == "tone" and asked.of == before.of
+        if before and both and asked.part == "scene":
+            asked = replace(asked, part=before.part)  # "make the bear brighter and warmer"
         put = asked.of_file and asked.deed in ("move", "copy")
         if left and (put or asked.deed == "insert"):
             change = inserted(left.pop(0), asked)
         else:
-            change = _sun(asked, said) or _change(asked, said.text)
+            change = _change(asked, said.text)
             change = _placed(change, asked, said.text, last)
         found.append(change)
         if change.route == "style":
@@ -79,51 +64,39 @@ def changes_of(said: Marked, files: Sequence[str] = ()) -> list[Change]:
 
 
 def _once(changes: Sequence[Change]) -> list[Change]:
-    """Changes without those that are said twice, actions apart; the one with a color stays."""
+    """Changes without those that are said twice, actions apart; the one that tells more stays."""
     found = dict[object, Change]()
     for at, change in enumerate(changes):
-        amount = change.amount if change.kind == "tone" else None
-        named = (change.kind, change.name, change.target, change.phrase, amount)
+        way = change.kind == "tone" and ((change.amount or 0) > 0, change.color)
+        named = (change.kind, change.name, change.target, change.phrase, way)
+        usual = DEFAULT.get(change.name, abs(change.amount or 0))
         key = at if change.kind == "object" else named
-        kept = found.get(key)
-        found[key] = kept if kept and (kept.color or not change.color) else change
+        if key not in found or change.color or abs(change.amount or 0) != usual:
+            found[key] = change
     return list(found.values())
 
 
 def _refuse_two(changes: Sequence[Change]) -> None:
-    """Raise Refused for two coats of one part, and for two times of day."""
-    coats = [(c.target, c.phrase) for c in changes if c.kind in ("paint", "material")
-             and c.name != values.GLOW]  # fmt: skip
+    """Raise Refused for two coats or contrary tones of one part, and for two times of day."""
+    coats = [(c.target, c.phrase, c.kind == "tone" and (c.name, c.color)) for c in changes
+             if c.kind in ("paint", "material", "tone") and c.name != values.GLOW]  # fmt: skip
     times = [c for c in changes if c.kind == "light" and light_of(c.name) in lights("time")]
     if len(set(coats)) < len(coats) or len(times) > 1:
         raise Refused("two")
 
 
-def _sun(asked: Asked, said: Marked) -> Change | None:
-    """The light that the length of shadows asks for; None where one is named beside it."""
-    text, toned = said.text, (asked.deed, asked.tone) == ("tone", "shadows")
-    if not (toned or asked.deed in ("light", "other")) or not LONG.search(text):
-        return None
-    named = None if LONG.search(asked.name) else values.light(asked.name)
-    if named is not None and (named.name != "dusk" or "dusk" in asked.name):
-        return None  # "evening" alone is dusk, when the sun casts none
-    names = (each.name for each in said.asked if each.deed == "light" and each is not asked)
-    others = (values.light(name, asked.side) for name in names if not LONG.search(name))
-    side = asked.side if " from " in text else ""  # a shadow behind it is of light in front
-    low = values.light("low sun", side, asked.degree)
-    return next((each for each in others if each and light_of(each.name) in lights("time")), low)
-
-
 def _change(asked: Asked, text: str) -> Change:
     """A change, of its usual part. Raises Refused."""
+    if asked.deed != "tone" and asked.name.lower() in things("hue"):  # "the sky bluer"
+        asked = replace(asked, deed="tone", tone="hue", sign=1)
     match asked.deed:
         case "tone":
             return _toned(asked, text)
         case "paint":
-            name = led(asked.name, text)
+            name = led(asked, text)
             found = values.finish(name) or values.paint(name) or values.material(name)
         case "material":
-            name = led(asked.name, text)
+            name = led(asked, text)
             found = PAINTED.search(text) and values.paint(name)
             found = found or values.finish(name) or values.material(name) or values.paint(name)
         case "cover":
@@ -157,11 +130,14 @@ def _change(asked: Asked, text: str) -> Change:
     return found
 
 
-def led(name: str, text: str) -> str:
+def led(asked: Asked, text: str) -> str:
     """A name with the words for a finish or a shade that stand right beside it in the text."""
+    name, thing = asked.name, "".join(asked.of.split()[-1:])
     if f"{name} finish" in text and values.finish(f"{name} finish"):
         return f"{name} finish"
     before = text[: text.find(name)].split() if name and name in text else []
+    if thing in map(str.lower, before[-1:]) and not scanned(thing)[0].has("shade"):
+        return name  # "the windows blue"
     longer = (" ".join([*before[-count:], name]) for count in (3, 2, 1) if before[count - 1 :])
     if found := next((each for each in longer if colors.named(each.lower())), ""):
         return found
@@ -203,12 +179,15 @@ def _amount(asked: Asked) -> str:
 
 def _placed(change: Change, asked: Asked, text: str, last: str) -> Change:
     """A change with the part that it is of; `last` is the phrase that was named before."""
-    part, of = asked.part, FROM_SIDE.sub("", asked.of) if change.kind == "light" else asked.of
+    part, of = asked.part, asked.of
+    only = of.endswith(" in the background") or re.search(ONLY.format(re.escape(of)), text, re.I)
+    if part == "background" and only:
+        part = "span"
+    if change.kind == "light":
+        of = re.sub(r" from (?:the )?\w+$", "", of)
     if part == "span":
         part = "background" if BACKGROUND.match(of) else "scene" if WHOLE.match(of) else part
         part = "it" if PRONOUN.match(of) or not of else part
-    if part == "background" and INSIDE.search(of):
-        part = "span"
     solid, told = change.kind in SOLID, _told(of)
     if part == "span" and change.name == "brightness" and (lamp := values.lamp(of)):
         return replace(lamp, amount=change.amount)  # "make the moonlight brighter"
@@ -248,7 +227,7 @@ def tells(phrase: str) -> bool:
 
 def _told(of: str) -> str:
     """A phrase as objects are called: "object 3", "the copy" for one that was just made."""
-    if of in MADE:
+    if of in things("copied"):
         return "the copy"
     numbered = NUMBERED.fullmatch(of)
     return f"object {numbered[1]}" if numbered else of
@@ -291,6 +270,9 @@ def _without(
         return replace(change, keep=tuple(each for each in named if each != phrase))
     if phrase in named:
         raise Refused("kept", phrase)
-    if named and change.target == "scene":
-        return replace(change, target="background", phrase=named[0], keep=tuple(named[1:]))
-    return replace(change, keep=tuple(named))
+    thing = next((each for each in named if QUALITY.sub("", each)), None)
+    if thing and change.target == "scene":
+        keep = tuple(each for each in named if each != thing)
+        return replace(change, target="background", phrase=thing, keep=keep)
+    change = replace(change, keep=tuple(named))
+    return owned(change) if change.target == "background" else change

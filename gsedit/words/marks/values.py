@@ -19,8 +19,6 @@ GROWTH, LAMPS = lexicon.names("growth"), lights("own")
 """Layers that lie on what faces the sky, and lights whose brightness is their own."""
 UNSIDED = LIGHTS - lights("sun") - lights("lamp")
 """Lights from no side."""
-SURFACE = re.compile(r"\b(?:an?|very|more|look|surface|finish|sheen)\b")
-"""Words beside that of a finish which name no material."""
 GLOW = "glow"
 """Material of any color."""
 FROM = lexicon.things("from")
@@ -176,11 +174,11 @@ def paint(name: str) -> Change | None:
 
 
 def finish(name: str) -> Change | None:
-    """The finish that words name, and nothing else: "matte", "a polished surface"; None for other
+    """The finish that words name, and nothing else: "matte", "satin finish"; None for other
     words, for satin and metallic, which are materials, alone, and for light that shines."""
-    bare = SURFACE.sub("", name).strip()
+    bare = re.sub(r"^(?:an?|very) | (?:finish|surface|sheen)$", "", name)
     said = bare if bare == "polished" else _facts("finish").get(bare, "")
-    alone = bare == name.strip() and (bare == "metallic" or material(name))
+    alone = bare == name and (bare == "metallic" or material(name))
     if not said or bare.startswith("shine") or alone:
         return None
     return Change("subject", "material", f"{said} finish", None, None, "material")
@@ -201,18 +199,15 @@ def cover(name: str, degree: str = "") -> Change | None:
     words = scanned(name)
     told = (each for word in words for each in (word.text, word.value) if each in GROWTH)
     if said := next(told, "") or told_by("growth", name):
-        amount = THICKER.get(degree)
-        if any(w.text in ("thick", "deep", "heavy", "dense") for w in words):
-            amount = amount or THICKER["much"]
-        return Change("subject", "growth", said, None, amount, "object")
+        return Change("subject", "growth", said, None, THICKER.get(degree), "object")
     return material(name) or look(name)
 
 
 def light(name: str, side: str = "", degree: str = "") -> Change | None:
     """The light or weather that words name; None for none."""
     words = scanned(name)
-    lit = [word for word in words if word.kind == "light"]
-    word = next((w for w in lit if w.value not in ("cloudy",)), lit[0] if lit else None)
+    lit = (word for word in words if word.kind == "light")
+    word = min(lit, key=lambda each: each.value == "cloudy", default=None)
     if word is None and (value := told_by("light", name)):
         word = Word(value, "light", value)
     colored = next((w for w in words if w.color and w is not word), None)
