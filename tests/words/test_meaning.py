@@ -214,6 +214,13 @@ def test_long_shadows_are_those_of_a_low_sun():
     assert read == ["sunset", "sunset", "noon", "moonlight", "sunrise from the right"]
 
 
+def test_less_of_a_shadow_is_lighter_and_more_of_it_deeper():
+    told = ("put less shadow under the car", "fewer shadows", "make the shadows weaker",
+            "reduce the shadows", "more shadow please", "stronger shadows")  # fmt: skip
+    read = [change.amount for each in told for change in read_instruction(each).changes]
+    assert [amount > 0 for amount in read] == [True] * 4 + [False] * 2
+
+
 @pytest.mark.parametrize("why", REASONS.values())
 def test_what_a_refusal_offers_is_read(why):
     for offered in re.findall(r"(?:as in |\()'([^']+ [^']+)'", why):
