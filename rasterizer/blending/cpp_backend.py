@@ -103,9 +103,10 @@ def _run(name: str, inputs: BlendInputs, **arrays: Tensor | None) -> None:
     assert kernel is not None, "ask load() first"
     bins, numerics = inputs.bins, inputs.numerics
     table = inputs.table.contiguous()
+    wanted = None if inputs.wanted is None else inputs.wanted.to(table).contiguous()
     # held until the kernel returns: it gets addresses only
     held = {"table": table, "members": bins.members, "starts": bins.starts,
-            "slots": bins.slots, "wanted": inputs.wanted, **arrays}  # fmt: skip
+            "slots": bins.slots, "wanted": wanted, **arrays}  # fmt: skip
     job = _Job(
         columns=bins.columns, rows=bins.rows, side=bins.size,
         width=inputs.width, height=inputs.height,
