@@ -45,6 +45,13 @@ def test_a_view_is_painted_alike_in_any_batch_and_precision():
     close(painted(editor, views), torch.cat([painted(editor, view[None]) for view in views]))
 
 
+def test_a_picture_of_one_color_noise_and_a_strip_are_painted_in_range():
+    for picture in (torch.zeros(1, 16, 16, 3), pictures(1).round(), pictures(1, 1000)[:, :16]):
+        made = painted(make_editor("painter"), picture)
+        assert made.shape == picture.shape
+        assert ((made >= 0) & (made <= 1)).all()  # which what is not finite is not
+
+
 def test_strength_leads_from_the_picture_to_the_painting():
     views = pictures(1)
     whole, half, none = (
