@@ -286,7 +286,7 @@ def test_each_thing_has_its_own_look():
         "remove the light from the left", "kill the light from the right", "dust off the bear",
         "brighter on the left, darker on the right", "The dog is twice bigger than needed.",
         "icicles would be too much", "unless it is red, remove the bear", "wipe the slate clean",
-        "remove all colors but red", "put the bear on the moon",
+        "remove all colors but red", "put the bear on the moon", "plus one stop. Scratch that, minus one",
         "add a second sun", "insert <3>", "put vase.npz on the table", "add vase.fbx",
         "turn it purple by 30 degrees", "clean up the background", "more bronzed please",
     ],
@@ -300,8 +300,7 @@ def test_a_turn_of_phrase_is_never_read_for_what_its_words_name(sentence):
     [
         ("make teh statue glod adn smaler", "the statue made of gold; the statue 23 % smaller"),
         ("gilding only on the carved top", "the carved top made of gold"),
-        ("spin the vase 45 degrees counter clockwise",
-         "the vase turned by 45 degrees counterclockwise"),
+        ("copy it 30 cm behind the urn", "the subject copied behind the urn (not read: '30 cm')"),
         ("don't make it brighter, I want it darker", "the whole scene 20 % darker"),
         ("statue in chrome like the T-1000", "the statue made of chrome"),
         ("make it wamer", "the whole scene 25 % warmer"),

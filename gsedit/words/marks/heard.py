@@ -13,6 +13,7 @@ from functools import lru_cache
 from gsedit.words.amounts import DEFAULT
 from gsedit.words.instruction import Change
 from gsedit.words.lexicon import spans, things
+from gsedit.words.marks.actions import LENGTH
 from gsedit.words.marks.marked import ALIKE, TAKEN_BACK, Asked, Marked, pieces, spelled, told
 from gsedit.words.marks.meaning import changes_of
 from gsedit.words.marks.values import plainly
@@ -157,7 +158,8 @@ def unread(said: Marked, changes: Sequence[Change]) -> tuple[str, ...]:
     end = max((m.end() for m in TAKEN_BACK.finditer(said.text)), default=0)
     toned = any(each.deed == "tone" for each in said.asked)
     made = f"{'; '.join(map(str, changes))} scales day"
-    return tuple(
+    far = (LENGTH.match(each.amount or each.to) for each in said.asked if each.deed == "copy")
+    return tuple(found[0] for found in far if found) + tuple(
         found[0].strip()
         for found in CLAUSE.finditer(said.left)
         if found.end() > end and not TELLS.search(found[0])

@@ -298,7 +298,8 @@ def told(cut: Pieces, scores: Mapping, values: tuple[str, ...]) -> Marked:
 NUMBER = re.compile(
     r"(?<![\w#.,])(?<!\w-)(?:\d+(?:[.,/]\d+)?"
     r"(?: ?(?:%|percent|x|times|degrees?|\u00b0|stops?|cm|mm|m|ft)(?!\w))?|"
-    r"twice|half|double|triple|thrice|(?:an? |one |two |three )?(?:quarter|third)s?(?= |$))(?!\w)",
+    r"twice|half|double|triple|thrice|(?:an? |one |two |three )?(?:quarter|third)s?(?= |$)|"
+    r"(?:plus|minus) (?:one|two|three))(?!\w)",
     re.IGNORECASE,
 )
 """An amount in a sentence."""

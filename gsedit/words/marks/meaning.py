@@ -8,7 +8,6 @@ from dataclasses import replace
 
 from gsedit.words import colors
 from gsedit.words.amounts import DEFAULT, SLIGHT, STRONG, amount_of, tone
-from gsedit.words.called import NUMBERED
 from gsedit.words.instruction import MOST, Change
 from gsedit.words.lexicon import things
 from gsedit.words.marks import values
@@ -226,11 +225,8 @@ def tells(phrase: str) -> bool:
 
 
 def _told(of: str) -> str:
-    """A phrase as objects are called: "object 3", "the copy" for one that was just made."""
-    if of in things("copied"):
-        return "the copy"
-    numbered = NUMBERED.fullmatch(of)
-    return f"object {numbered[1]}" if numbered else of
+    """A phrase as objects are called: "the copy" for one that was just made."""
+    return "the copy" if of in things("copied") else of
 
 
 def _checked(change: Change) -> Change:

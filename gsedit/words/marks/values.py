@@ -253,8 +253,7 @@ def as_strong(change: Change, given: Amount, asked: Asked) -> Change:
 def look(name: str) -> Change | None:
     """The season, weather, drawing or painting that words name; None for none."""
     drawn = [word for word in scanned(name) if word.kind == "look"]
-    styled = [word for word in drawn if word.value in lexicon.styles()]
-    word = next(iter((*styled, *drawn)), None)
+    word = max(drawn, key=lambda each: each.value in lexicon.styles(), default=None)
     if word is None and (toned := told_by("style", name)):
         return tone(toned, None)
     value = word.value if word else told_by("scenery", name)
