@@ -215,8 +215,8 @@ def test_long_shadows_are_those_of_a_low_sun():
 
 
 def test_less_of_a_shadow_is_lighter_and_more_of_it_deeper():
-    told = ("put less shadow under the car", "fewer shadows", "make the shadows weaker",
-            "reduce the shadows", "more shadow please", "stronger shadows")  # fmt: skip
+    told = ("put less shadow under the car", "fewer shadows", "reduce the shadows",
+            "make the shadows of it weaker", "more shadow please", "stronger shadows")  # fmt: skip
     read = [change.amount for each in told for change in read_instruction(each).changes]
     assert [amount > 0 for amount in read] == [True] * 4 + [False] * 2
 

@@ -286,9 +286,10 @@ def test_each_thing_has_its_own_look():
         "remove the light from the left", "kill the light from the right", "dust off the bear",
         "brighter on the left, darker on the right", "The dog is twice bigger than needed.",
         "icicles would be too much", "unless it is red, remove the bear", "wipe the slate clean",
-        "remove all colors but red", "put the bear on the moon", "plus one stop. Scratch that, minus one",
+        "remove all colors but red", "put the bear on the moon",
         "add a second sun", "insert <3>", "put vase.npz on the table", "add vase.fbx",
         "turn it purple by 30 degrees", "clean up the background", "more bronzed please",
+        "make the shadows on the wall longer", "plus one stop. Scratch that, minus one",
     ],
 )  # fmt: skip
 def test_a_turn_of_phrase_is_never_read_for_what_its_words_name(sentence):

@@ -147,9 +147,17 @@ def led(asked: Asked, text: str) -> str:
     return name
 
 
+SHADOW = r"\bshadows?\b(?: \w+)* (?:(weaker|softer|fainter|less (?!light)\w+)|longer|shorter)"
+"""What shadows become: lighter where it is in the group; their length is the sun's."""
+
+
 def _toned(asked: Asked, text: str) -> Change:
     """A signed change of a tone. Raises Refused."""
     given, name, sign = amount_of(scanned(_amount(asked))), asked.tone, asked.sign or 1
+    if name == "shadows" and (told := re.search(SHADOW, text)):
+        if not told[1]:
+            raise Refused("unreal")
+        sign = 1
     if name in ("grayscale", "sepia", "negative"):
         share = given.share if given.factor is None else given.factor
         return tone(name, abs(share) if share and abs(share) < 1 else None)
