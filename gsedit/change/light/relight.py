@@ -107,8 +107,8 @@ ROUNDS = 6
 """Surfaces and light are fitted in turns."""
 LEAST, MOST = 0.3, 2.5
 """Range of the present light against its median: beyond it, the estimate is a guess."""
-INDIRECT = 0.25
-"""Share of light that comes from everywhere else."""
+INDIRECT, THROWN = 0.25, 0.5
+"""Share of light that comes from everywhere else, and the largest that a ground throws back."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,6 +204,7 @@ def _fitted(
         unit = max(float(np.sqrt(np.square(trust * albedo).mean())), 1e-9)
         weights = light_near(scaled / unit, trust * luminance / unit, even, np.full(count, pull))[0]
         weights = weights / max(float(weights[:-1].mean()), 1e-9)
+        weights[-1] = min(weights[-1], THROWN)
     return weights
 
 
