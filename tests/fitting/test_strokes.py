@@ -52,11 +52,6 @@ def solved(scene, views, shares=None):
     return last.scene
 
 
-def shares_of(scene, cameras):
-    leading = leading_views(survey(scene, cameras), scene.means)
-    return leading_shares(scene, cameras, leading)
-
-
 def descended(scene, views, inside=None):
     inside = torch.ones(len(scene), dtype=torch.bool) if inside is None else inside
     *losses, last = stroke_steps(
@@ -94,7 +89,8 @@ def test_shares_of_views_are_those_of_what_they_lead(scene, cameras):
 
 def test_strokes_are_kept_that_a_mean_would_lose(scene, cameras, striped):
     mean = solved(scene, striped)
-    led = solved(scene, striped, shares_of(scene, cameras))
+    leading = leading_views(survey(scene, cameras), scene.means)
+    led = solved(scene, striped, leading_shares(scene, cameras, leading))
     _, styled = descended(led, striped)
     between = ring_cameras(demo_scene(), 16, 48)[1::2]
     energies = [energy(each, between) for each in (mean, led, styled)]
