@@ -199,15 +199,6 @@ def grid(rows: Sequence[Sequence[Labelled]]) -> Image.Image:
     return sheet
 
 
-def labelled_rows(columns: Sequence[Sequence[Image.Image]]) -> list[list[Labelled]]:
-    """A row for the scenes as they were, and one for each instruction."""
-    labels = ("before", *INSTRUCTIONS)
-    return [
-        [(label, first), *(("", each) for each in rest)]
-        for label, first, *rest in zip(labels, *columns)
-    ]
-
-
 def front_row(
     shown: Shown, scenes: Sequence[Gaussians | None], wanted: Sequence[str]
 ) -> list[Labelled]:
@@ -263,7 +254,9 @@ def main(paths: Sequence[Path], out: Path) -> None:
         if number == 0:
             save(grid(object_rows(shown)), out / "objects.jpg")
         columns.append([cell(scene, shown.camera, CELL_PIXELS) for scene in scenes])
-        save(grid(labelled_rows(columns)), out / "sheet.jpg")  # whole after the last scene
+        rows = zip(("before", *INSTRUCTIONS), *columns)
+        cells = [[(label, one), *(("", each) for each in rest)] for label, one, *rest in rows]
+        save(grid(cells), out / "sheet.jpg")  # whole after the last scene
     frames = (np.concatenate(row, 1) for row in zip(*(each.frames() for each in moves)))
     gsedit.write_loop(frames, out / "front.webp", FPS, overwrite=True)
 

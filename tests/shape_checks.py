@@ -37,20 +37,14 @@ def checked(function: Any = None, *, typechecker: Check) -> Any:
     if function is None:
         return lambda decorated: checked(decorated, typechecker=typechecker)
     if inspect.isclass(function):
-        if _has_own_constructor(function):
+        own = inspect.isfunction(vars(function).get("__init__"))
+        own = own and not getattr(function, "__no_type_check__", False)
+        if own and dataclasses.is_dataclass(function):
             function.__init__ = checked(function.__init__, typechecker=typechecker)
         return function
     if not inspect.isfunction(function) or not function.__annotations__:
         return function
     return jaxtyped(function, typechecker=typechecker) if _is_special(function) else _some(function)
-
-
-def _has_own_constructor(cls: type) -> bool:
-    return (
-        dataclasses.is_dataclass(cls)
-        and not getattr(cls, "__no_type_check__", False)
-        and inspect.isfunction(vars(cls).get("__init__"))
-    )
 
 
 def _is_special(function: Callable[..., Any]) -> bool:

@@ -185,7 +185,8 @@ def draw(path: Path, photos: Path, pictures: Path, name: str) -> None:
 def compare(a: Path, b: Path, table: Path) -> None:
     """Write the dB between each two pictures, and the commands that end differently."""
     rows: list[dict[str, object]] = []
-    ends = [{each["name"]: each["exit"] for each in read_table(x / "commands.csv")} for x in (a, b)]
+    tables = [(x / "commands.csv").read_text().splitlines() for x in (a, b)]
+    ends = [{each["name"]: each["exit"] for each in csv.DictReader(table)} for table in tables]
     for name in sorted({*ends[0], *ends[1]}):
         first, second = (end.get(name, "absent") for end in ends)
         if first != second:
@@ -220,12 +221,6 @@ def write_table(path: Path, names: list[str], rows: list[dict[str, object]]) -> 
         writer = csv.DictWriter(file, names)
         writer.writeheader()
         writer.writerows(rows)
-
-
-def read_table(path: Path) -> list[dict[str, str]]:
-    """Read how commands ended."""
-    with path.open(newline="") as file:
-        return list(csv.DictReader(file))
 
 
 def main() -> None:

@@ -414,7 +414,10 @@ def open_video(path: Path) -> Iterator[Video]:
 
 def _not_opened(path: Path, error: Exception) -> str:
     mp4 = path.suffix.lower() in (".mp4", ".mov", ".m4v", ".3gp")
-    ends = _ends(path)
+    with path.open("rb") as file:  # an MP4 keeps its index at one of its ends
+        ends = file.read(1 << 20)
+        file.seek(max(0, path.stat().st_size - (1 << 22)))
+        ends += file.read()
     if mp4 and b"ftyp" in ends[:64] and b"moov" not in ends:
         return (
             f"{path} is cut off: its index, which comes last, is missing; copy it again from the "
@@ -422,11 +425,3 @@ def _not_opened(path: Path, error: Exception) -> str:
         )
     reason = str(getattr(error, "strerror", "") or error)
     return f"{path} is no video that can be read ({reason}): export it again as MP4 (H.264)"
-
-
-def _ends(path: Path) -> bytes:
-    """The first and last bytes of a file, where an MP4 keeps its index."""
-    with path.open("rb") as file:
-        first = file.read(1 << 20)
-        file.seek(max(0, path.stat().st_size - (1 << 22)))
-        return first + file.read()

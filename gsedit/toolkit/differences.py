@@ -198,8 +198,9 @@ def frame_hints(a: Gaussians, b: Gaussians) -> tuple[str, ...]:
         return ()
     hints = []
     best, signs = min(
-        (float((boxes[0] - _flipped(boxes[1], signs)).norm() / extents[0]), signs)
+        (float((boxes[0] - other).norm() / extents[0]), signs)
         for signs in product((1, -1), repeat=3)
+        for other in [torch.stack([a if s > 0 else -a.flip(0) for a, s in zip(boxes[1], signs)])]
     )
     if best < FLIPPED / 5:
         axes = [name for name, sign in zip("xyz", signs) if sign < 0]
@@ -218,11 +219,6 @@ def frame_hints(a: Gaussians, b: Gaussians) -> tuple[str, ...]:
     if bool((low > high).any()) and best >= FLIPPED / 5:
         hints.append("the scenes lie in different places: they are in different frames")
     return tuple(hints)
-
-
-def _flipped(box: Float[Tensor, "3 3"], signs: Sequence[int]) -> Float[Tensor, "3 3"]:
-    """The quantiles of axes (rows) after some were negated."""
-    return torch.stack([axis if sign > 0 else -axis.flip(0) for axis, sign in zip(box, signs)])
 
 
 def _quantiles(values: Float[Tensor, " n"]) -> Quantiles:

@@ -40,15 +40,13 @@ def test_leaving_early_ends_the_program_and_its_children(program, tmp_path, how,
     if how == "close":
         steps.close()
     else:
-        monkeypatch.setattr("gsedit.paper.editors.command.wait", lambda _: raise_interrupt())
+        monkeypatch.setattr(
+            "gsedit.paper.editors.command.wait", lambda _: signal.default_int_handler(2, None)
+        )
         with pytest.raises(KeyboardInterrupt):
             next(steps)
     assert ended([int(pid) for pid in pids.read_text().split()])
     assert [p.parent.name for p in leftovers(tmp_path)] == ["input", "input", "output"]
-
-
-def raise_interrupt():
-    raise KeyboardInterrupt
 
 
 @pytest.fixture

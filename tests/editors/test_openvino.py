@@ -23,13 +23,6 @@ def cache(tmp_path, monkeypatch):
     return tmp_path / "gsedit" / "openvino"
 
 
-@pytest.fixture(scope="module")
-def unet():
-    with torch.random.fork_rng():
-        torch.manual_seed(0)
-        return tiny_unet().eval().requires_grad_(False)
-
-
 def inputs(rows: int) -> tuple[torch.Tensor, ...]:
     g = torch.Generator().manual_seed(rows)
     x = torch.randn(rows, 8, 8, 8, generator=g)
@@ -44,7 +37,10 @@ def close(a: torch.Tensor, b: torch.Tensor) -> None:
     assert_near(a, b, NETWORK)
 
 
-def test_equal_to_torch_whatever_the_number_of_rows(unet, monkeypatch):
+def test_equal_to_torch_whatever_the_number_of_rows(monkeypatch):
+    with torch.random.fork_rng():
+        torch.manual_seed(0)
+        unet = tiny_unet().eval().requires_grad_(False)
     """Rows are computed a few at a time, always as many: the network is traced once."""
     run, traced = runtime.OpenVino(), []
     whole = runtime._traced

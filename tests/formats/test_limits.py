@@ -35,15 +35,11 @@ def test_a_row_beyond_any_scene_is_invalid_as_nan_is(field, value):
     assert invalid_rows(table).nonzero()[0].tolist() == [4]
 
 
-def large_png(path, side=13000):
-    Image.new("1", (side, side)).save(path, optimize=True)
-    return path
-
-
 def test_a_small_file_of_a_large_picture_takes_no_memory(tmp_path):
     """In a process of its own, whose largest size is what was asked for."""
     dataset(tmp_path / "set")
-    photo = large_png(tmp_path / "set" / "images" / "1.png")
+    photo = tmp_path / "set" / "images" / "1.png"
+    Image.new("1", (13000, 13000)).save(photo, optimize=True)
     assert photo.stat().st_size < 50_000
     (tmp_path / "a.obj").write_text(
         "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl m\nf 1/1 2/2 3/3\n"

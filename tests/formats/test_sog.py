@@ -28,19 +28,15 @@ def entries(path: Path) -> dict[str, bytes]:
         return {name: archive.read(name) for name in archive.namelist()}
 
 
-def zipped(path: Path, files: dict[str, bytes]) -> Path:
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, data in files.items():
-            archive.writestr(name, data)
-    return path
-
-
 def changed(tmp_path: Path, change) -> Path:
     """A small scene whose meta.json and files `change` alters."""
     files = entries(write(tmp_path / "a.sog", random_table(50, 1)))
     meta = json.loads(files.pop("meta.json"))
     change(meta, files)
-    return zipped(tmp_path / "b.sog", {"meta.json": json.dumps(meta).encode(), **files})
+    with zipfile.ZipFile(tmp_path / "b.sog", "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, data in {"meta.json": json.dumps(meta), **files}.items():
+            archive.writestr(name, data)
+    return tmp_path / "b.sog"
 
 
 def _name(meta, name: str) -> None:

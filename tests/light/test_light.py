@@ -10,7 +10,7 @@ import torch
 from changes import painted
 from plain_scenes import discs, ring
 
-from gsedit.change.light.relight import relit
+from gsedit.change.light.relight import relit, survey
 from gsedit.change.light.setup import LIGHTS, Fog, Lamp, LightSetup, Sun, setup_of
 from gsedit.errors import UsageError
 from gsedit.select.region import everything
@@ -152,6 +152,13 @@ def test_more_of_a_night_is_darker_and_of_a_lamp_brighter(scene):
         whole = everything(scene)
         one, two = (painted(scene, c, whole.inside, CAMERAS).scene for c in (change, more))
         assert sign * (shown(two).mean() - shown(one).mean()) > 0.005
+
+
+def test_a_ground_throws_back_no_more_than_half_of_what_it_gets(scene):
+    pale_below = scene.means[:, 2:] < torch.where(scene.means[:, 2:] > 0, 0.3, -1.0)
+    colors = torch.where(pale_below, 0.9, 0.15).expand(-1, 3)
+    found = survey(replace(scene, sh=color_to_sh(colors[:, None].clone())), CAMERAS)
+    assert float(found.weights[-1]) <= 0.5
 
 
 def test_relighting_a_ball_is_nearer_to_the_truth_than_any_tone():

@@ -139,6 +139,17 @@ def test_it_covers_a_ball_in_one_piece_down_to_where_it_turns_away(name, whole, 
     assert bool(((torch.hypot(x, y) < 0.3) & (z < TABLE - 0.1)).any()) == (name == "moss")
 
 
+def test_moss_is_on_ground_more_than_among_petals():
+    ground, random = rough_ground(), torch.Generator().manual_seed(1)
+    petals, ways = torch.randn(2, 1500, 3, generator=random)
+    petals = 0.1 * petals + torch.tensor((0.6, 0.6, 0.4))
+    scene = concatenate(ground, discs(petals, torch.nn.functional.normalize(ways, dim=1), 0.02))
+    everything = torch.ones(len(scene), dtype=torch.bool)
+    after = grow(scene, "moss", 1.0, everything, orbit(scene, 8, 96, up=UP, elevation=40.0))
+    mossy = after.changed[: len(scene)].double()
+    assert float(mossy[len(ground) :].mean()) < 0.5 * float(mossy[: len(ground)].mean())
+
+
 def test_fallen_leaves_lie_on_what_is_level():
     x, y, z = added(grown("leaves")).means.reshape(-1, len(LEAF), 3).mean(1).T
     rest = torch.where(torch.hypot(x, y) < 0.61, TABLE, FLOOR)

@@ -18,6 +18,7 @@ from gsedit.scene.cache import SceneCache
 from gsedit.scene.outcome import NEW, same
 from gsedit.scene.similarity import IDENTITY
 from gsedit.scene.table import gaussians_of, table_of
+from gsedit.select.region import Region, coverage
 from gsedit.views.place import place_of
 from rasterizer.numerics import sh_to_color
 from rasterizer.render import render
@@ -139,21 +140,14 @@ def test_only_colors_change_outside(labelled, ball, cameras):
     assert float(gap) > HEIGHT
 
 
-def test_copy_beside_is_seen_whole_by_most_cameras(meadow, labelled, ball):
+def test_copy_beside_is_seen_well_by_most_cameras(meadow, labelled, ball):
     cameras = [each.fitted(128) for each in meadow.training(32)]
     outcome = place(labelled.scene, ball, Placement(to=RelativePlace(), copy=True), cameras)
-    copy = outcome.scene.means[len(labelled.scene) :].double()
-    whole = 0
-    for camera in cameras:
-        depth = render(labelled.scene, camera, median_depth=True).median_depth
-        xy, z = camera.project(copy)
-        size = xy.new_tensor((camera.width, camera.height))
-        inside = ((xy >= 0) & (xy < size)).all(-1)
-        column, row = torch.where(inside[:, None], xy, 0.0).long().unbind(-1)
-        before = depth[row, column]
-        seen = inside & ((before == 0) | (z < 1.04 * before))
-        whole += float(seen.double().mean()) > 0.9
-    assert whole >= 0.7 * len(cameras)
+    copy = torch.arange(len(outcome.scene)) >= len(labelled.scene)
+    shown = [coverage(Region(copy), outcome.scene, camera).sum() for camera in cameras]
+    alone = [render(outcome.scene[copy], camera).alpha.sum() for camera in cameras]
+    well = [float(part / all_of_it) > 0.78 for part, all_of_it in zip(shown, alone)]
+    assert sum(well) >= 0.8 * len(cameras)
 
 
 def test_it_goes_down_no_farther_than_to_what_carries_it(labelled, ball, cameras, ground):

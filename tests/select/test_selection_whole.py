@@ -48,11 +48,6 @@ def test_a_kind_and_a_value_are_added_by_their_rows(monkeypatch):
         assert where(words).mask(at(np.eye(3))).tolist() == [True, False, False]
 
 
-def same_partition(a: np.ndarray, b: np.ndarray) -> bool:
-    pairs = np.unique(np.stack([a, b], 1), axis=0)
-    return len(pairs) == len(np.unique(a)) == len(np.unique(b))
-
-
 def linked(points: np.ndarray, gap: float) -> np.ndarray:
     """Clusters by the distances of all pairs."""
     from scipy.sparse.csgraph import connected_components
@@ -70,7 +65,9 @@ def test_clusters_are_those_of_all_pairs(gap):
         draw.normal(size=(100, 3)) * 1e3,
         np.repeat(draw.normal(size=(20, 3)), 5, axis=0),
     ])  # fmt: skip
-    assert same_partition(cluster_labels(points, gap), linked(points, gap))
+    a, b = cluster_labels(points, gap), linked(points, gap)
+    pairs = np.unique(np.stack([a, b], 1), axis=0)
+    assert len(pairs) == len(np.unique(a)) == len(np.unique(b))
 
 
 def test_clusters_of_a_grid_are_linked_at_its_step_and_not_below():

@@ -45,11 +45,6 @@ def shown(labelled, cameras):
     return lambda pictures: next(maps)[None]
 
 
-def weight_of(labelled, cameras):
-    ones = [torch.ones(SIZE, SIZE) for _ in cameras]
-    return lift(labelled.gaussians, cameras, ones).weight
-
-
 def test_the_network_equals_the_published_file():
     openvino = pytest.importorskip("openvino")
     if not ONNX.exists():
@@ -92,7 +87,8 @@ def test_what_stands_out_is_the_subject_without_its_block(labelled, cameras):
     scene = labelled.gaussians
     found = find_subject(scene, cameras, saliency=shown(labelled, cameras))
     assert found.note == "auto: the subject"
-    assert iou(found.inside, labelled.subject, weight_of(labelled, cameras)) > 0.85
+    weight = lift(scene, cameras, [torch.ones(SIZE, SIZE) for _ in cameras]).weight
+    assert iou(found.inside, labelled.subject, weight) > 0.85
 
 
 def test_where_nothing_stands_out_it_is_everything(labelled, cameras):

@@ -22,12 +22,6 @@ with atomic_path(sys.argv[1]) as temporary:
 """
 
 
-def killed_write(path: Path) -> None:
-    """Files that a process leaves that is killed while it writes."""
-    command = [sys.executable, "-c", LEFT, str(path)]
-    assert subprocess.run(command, check=False).returncode == 9
-
-
 def names(folder: Path) -> list[str]:
     return sorted(path.name for path in folder.iterdir())
 
@@ -77,7 +71,8 @@ def test_a_link_that_leads_nowhere_is_replaced_only_if_asked(target, tmp_path):
 def test_what_a_killed_process_left_is_removed_by_the_next(tmp_path):
     path, other = tmp_path / "a**[b].ply", tmp_path / "x.a**[b].ply"
     for each in (path, other):
-        killed_write(each)
+        command = [sys.executable, "-c", LEFT, str(each)]  # which is killed while it writes
+        assert subprocess.run(command, check=False).returncode == 9
     left = names(tmp_path)
     assert len(left) == 2
     assert all(is_temporary(name) for name in left)

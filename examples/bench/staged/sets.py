@@ -109,14 +109,16 @@ def corner() -> Stage:
         "yellow box", (0.42, 0.36, FLOOR + 0.15), (0.15, 0.15, 0.15),
         mix(plain((0.85, 0.7, 0.15)), plain((0.95, 0.85, 0.45)), waves(0.2)), 0.015,
     )  # fmt: skip
-    back = _box("striped wall", (0, 0.72, 0.2), (1.5, 0.06, 0.65), _wallpaper(), 0.01)
+    paper = mix(plain((0.86, 0.82, 0.72)), plain((0.7, 0.62, 0.55)), stripes((1, 0, 0), 0.24, 3.0))
+    back = _box("striped wall", (0, 0.72, 0.2), (1.5, 0.06, 0.65), paper, 0.01)
     side = _box(
         "green wall", (0.78, 0, 0.2), (0.06, 1.5, 0.65),
         mix(plain((0.5, 0.62, 0.52)), plain((0.6, 0.7, 0.6)), waves(0.4)), 0.01,
     )  # fmt: skip
     places = tuple((a, e) for e in (15.0, 38.0) for a in (-178.0, -158, -138, -118, -98))
     rig = Rig(places, ((-168.0, 26.0), (-133.0, 22.0), (-108.0, 30.0)), (0.1, 0.1, -0.15), 2.2)
-    floor = _ground("checkered floor", _checkers())
+    checkers = mix(plain((0.3, 0.32, 0.36)), plain((0.8, 0.8, 0.76)), checker(0.5))
+    floor = _ground("checkered floor", checkers)
     return Stage("corner", (floor, back, side), (hoop, carton), MORNING, rig)
 
 
@@ -259,11 +261,3 @@ def _bricks() -> Paint:
         return (1.5 - to_edge / 0.015).clamp(0, 1)
 
     return mix(brick, plain((0.78, 0.75, 0.7)), mortar)
-
-
-def _wallpaper() -> Paint:
-    return mix(plain((0.86, 0.82, 0.72)), plain((0.7, 0.62, 0.55)), stripes((1, 0, 0), 0.24, 3.0))
-
-
-def _checkers() -> Paint:
-    return mix(plain((0.3, 0.32, 0.36)), plain((0.8, 0.8, 0.76)), checker(0.5))

@@ -79,7 +79,9 @@ def snow_on(covered: Sdf, whole: Sdf, thickness: float, top: float) -> Sdf:
     heights = torch.linspace(0, lift, SWEEP).tolist()
 
     def swept(points: Points) -> Distances:
-        return torch.stack([covered(_raised(points, -height)) for height in heights]).amin(0)
+        return torch.stack(
+            [covered(points - points.new_tensor((0, 0, height))) for height in heights]
+        ).amin(0)
 
     def above(points: Points) -> Distances:
         """Less than 0 beneath a solid."""
@@ -105,10 +107,6 @@ def snow_on(covered: Sdf, whole: Sdf, thickness: float, top: float) -> Sdf:
         return result
 
     return distance
-
-
-def _raised(points: Points, height: float) -> Points:
-    return points + points.new_tensor((0.0, 0.0, height))
 
 
 GAMMA = 2.2

@@ -24,7 +24,6 @@ from torch import Tensor
 from gsedit.change.light.setup import Fog, Lamp, LightSetup, Sun
 from gsedit.scene.cache import cached_per_scene
 from gsedit.scene.color_space import LUMINANCE, lab_of_srgb, linear_of_srgb
-from gsedit.scene.framing import weighted_quantile
 from gsedit.toolkit.grade import GAMMA
 from gsedit.views.normals import estimate_normals, neighbor_means, rows_near, visible_area
 from gsedit.views.place import Place, place_of
@@ -107,8 +106,8 @@ ROUNDS = 6
 """Surfaces and light are fitted in turns."""
 LEAST, MOST = 0.3, 2.5
 """Range of the present light against its median: beyond it, the estimate is a guess."""
-INDIRECT = 0.25
-"""Share of light that comes from everywhere else."""
+INDIRECT, THROWN = 0.25, 0.5
+"""Share of light that comes from everywhere else, and the largest that a ground throws back."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,6 +203,7 @@ def _fitted(
         unit = max(float(np.sqrt(np.square(trust * albedo).mean())), 1e-9)
         weights = light_near(scaled / unit, trust * luminance / unit, even, np.full(count, pull))[0]
         weights = weights / max(float(weights[:-1].mean()), 1e-9)
+        weights[-1] = min(weights[-1], THROWN)
     return weights
 
 
@@ -289,12 +289,6 @@ SKY_RISE = (0.02, 0.2)
 """Sine of the elevation above the middle at which what is far away begins to be sky, and is."""
 SKY_BRIGHT = (0.45, 0.75)
 """Display luminance at which it may be sky, and is."""
-PATCH_RANK, PRESSED = 0.7, 0.6
-"""Rank among what is seen above which something may be a patch of sun, and the power of its
-brightness that is taken off."""
-DIM = (0.45, 0.15)
-"""Mean of new light over present light at which patches begin to fade, and where they are taken
-off."""
 SHOULDER = 0.8
 """Display color above which a gain of light is compressed: a lit wall keeps its texture."""
 
@@ -327,29 +321,11 @@ def relit_by(found: Survey, scene: Gaussians, setup: LightSetup) -> Gaussians:
     far = (near * outdoors / present).sum(0) / near.sum().clamp_min(1e-12)
     share = found.trust[:, None]
     outside = share * outdoors / present + (1 - share) * far
-    outside = outside * patches_kept(found, scene, far, outside)[:, None]
     ratio = outside + share * lamps / present
     gain = exposure(found, scene, ratio)
     change = _change(scene, setup, found.place, found.trust, (gain * ratio) ** (1 / GAMMA))
     after = change.applied(scene)
     return gleaming(after, (gain - 1) * (outdoors + lamps))
-
-
-def patches_kept(
-    found: Survey, scene: Gaussians, mean: Float[Tensor, "3"], ratio: Vectors
-) -> Float[Tensor, " n"]:
-    """Factor, at most 1, of what is far brighter than most of a scene, where new light is dim.
-
-    What a day's sun lit through leaves, past all that the scene holds, is no bright surface: it
-    would shine at night; so would what is taken for a shadow that it is not in. `ratio` is new
-    light over present light, and `mean` its mean.
-    """
-    weights = torch.from_numpy(LUMINANCE / LUMINANCE.sum())
-    luminance = (sh_to_color(scene.sh[:, 0].detach().double()).clamp(0, 1) ** GAMMA) @ weights
-    pivot = weighted_quantile(luminance[:, None], found.seen, PATCH_RANK).clamp_min(1e-4)
-    lifted = (ratio @ weights / (mean @ weights).clamp_min(1e-12)).clamp_min(1)
-    over = (luminance / pivot).clamp_min(1) * lifted
-    return over ** -(PRESSED * step(mean @ weights, *DIM))
 
 
 def light_on(surface: Surface, setup: LightSetup, sky: Float[Tensor, "n c"]) -> Vectors:

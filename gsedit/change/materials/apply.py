@@ -121,18 +121,24 @@ def carved(
 ) -> tuple[Float[Tensor, " m"], Float[Tensor, "m 3"]]:
     """How hollow or carved a subject is at its Gaussians, in [0, 1], as these normals and detail
     tell; and the linear color of the surroundings of each on the surface."""
-    display = sh_to_color(part.sh[:, 0]).clamp(0, 1).double().numpy()
-    linear = torch.from_numpy(linear_of_srgb(display)).to(part.means) + 1e-3
+    around = colors_around(part, few)[1]
     if not few.near.shape[1]:
-        return part.means.new_zeros(len(part)), linear
-    size = visible_area(part).clamp_min(1e-30)[:, None].to(linear)
-    sized = torch.cat((linear, torch.ones_like(linear[:, :1])), 1) * size
-    around = few.spread(neighbor_means(few.gathered(sized), few.near, ROUNDS))
+        return part.means.new_zeros(len(part)), around
     points = part.means[few.rows]
     offset = torch.nn.functional.normalize(points[few.near] - points[:, None], dim=-1)
     rise = (offset * normals[few.rows, None]).sum(-1).mean(1)
     hollow = few.spread(neighbor_means(rise, few.near, 2) / HOLLOW)
-    return torch.maximum(hollow, SHADED * (1 - fine)).clamp(0, 1), around[:, :3] / around[:, 3:]
+    return torch.maximum(hollow, SHADED * (1 - fine)).clamp(0, 1), around
+
+
+def colors_around(part: Gaussians, few: Few) -> tuple[Tensor, Tensor, Tensor]:
+    """Linear colors, the mean of those around each on the surface, and what weighs each."""
+    display = sh_to_color(part.sh[:, 0]).clamp(0, 1).double().numpy()
+    linear = torch.from_numpy(linear_of_srgb(display)).to(part.means) + 1e-3
+    size = visible_area(part).clamp_min(1e-30).to(linear)
+    sized = torch.cat((linear, torch.ones_like(linear[:, :1])), 1) * size[:, None]
+    around = few.spread(neighbor_means(few.gathered(sized), few.near, ROUNDS))
+    return linear, around[:, :3] / around[:, 3:], size
 
 
 DETAIL_VIEWS, DETAIL_PIXELS = 16, 512
@@ -452,13 +458,9 @@ def ragged_at(
 def own_detail(part: Gaussians) -> tuple[Float[Tensor, " m"], float]:
     """Factor on display colors of each Gaussian: its color against those around it; and how large
     its logarithm is in the mean."""
-    display = sh_to_color(part.sh[:, 0]).clamp(0, 1).double().numpy()
-    light = torch.from_numpy(linear_of_srgb(display)) + 1e-3
-    size = visible_area(part).clamp_min(1e-30)[:, None].double()
-    sized = neighbor_means(torch.cat((light * size, size), 1), rows_near(part.means), ROUNDS)
-    found = torch.from_numpy(detail(light.numpy(), (sized[:, :3] / sized[:, 3:]).numpy()))
-    spread = float(found.abs() @ size / size.sum())
-    return (STEEPER[0] * found.to(part.means) / GAMMA).exp(), spread
+    light, soft, size = colors_around(part, few_of(part, 0, rows_near(part.means)))
+    found = torch.from_numpy(detail(light.double().numpy(), soft.double().numpy())).to(size)
+    return (STEEPER[0] * found / GAMMA).exp(), float(found.abs() @ size / size.sum())
 
 
 def seen_detail(

@@ -293,7 +293,8 @@ def reflectance(material: Material, ground: Ground) -> Reflectance:
 
     def even(of: Material | Layer) -> Float[Tensor, "n 6"]:
         numbers = torch.tensor((of.metalness, of.roughness, of.glow))
-        return torch.cat((_linear(of.color), numbers)).to(points).expand(len(points), 6)
+        color = torch.from_numpy(linear_of_srgb(srgb_of_hex(of.color or "#808080")))
+        return torch.cat((color, numbers)).to(points).expand(len(points), 6)
 
     found, coat = even(material), points.new_full((len(points),), material.coat)
     for layer in material.layers:
@@ -422,7 +423,3 @@ def mirror_of(
     rest = (away.square() - offset.square().sum(-1, keepdim=True)).clamp_min(0)
     reach = -along + (along.square() + rest).sqrt()
     return torch.nn.functional.normalize(offset + reach * directions, dim=-1)
-
-
-def _linear(color: str) -> Float[Tensor, "3"]:
-    return torch.from_numpy(linear_of_srgb(srgb_of_hex(color or "#808080")))

@@ -92,7 +92,8 @@ class Document:
     def item(self, name: str, index: Any) -> dict[str, Any]:
         """An entry of one of the lists at the top. Raises InputError where there is none."""
         items = self.json.get(name)
-        found = items[index] if _is_index(index, items) else None
+        listed = isinstance(items, list) and type(index) is int and 0 <= index < len(items)
+        found = items[index] if listed else None
         if not isinstance(found, dict):
             raise InputError(f"{self.path} has no {name}[{index!r}]: {AGAIN}")
         return found
@@ -139,12 +140,3 @@ class Document:
             )
         normalized = found.get("normalized") is True
         return Accessor(self, offset + inner, stride, count, kind, size, normalized)
-
-
-def _is_index(index: Any, items: Any) -> bool:
-    return (
-        isinstance(index, int)
-        and not isinstance(index, bool)
-        and isinstance(items, list)
-        and 0 <= index < len(items)
-    )

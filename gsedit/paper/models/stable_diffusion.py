@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -84,12 +83,6 @@ def noise_of(config: Mapping[str, Any], place: Path) -> Noise:
     )
 
 
-def _levels_to_clean(
-    schedule: Schedule, settings: SamplerSettings, _: tuple[int, int]
-) -> list[NoiseLevel]:
-    return schedule.levels(settings.step_count, settings.strength, settings.step_spacing)
-
-
 class TextFeatures(NamedTuple):
     """An instruction as the UNet reads it."""
 
@@ -143,8 +136,11 @@ class Pix2Pix(Model):
     @property
     def capabilities(self) -> Capabilities:
         """Every model's, with the scheduler's levels and defaults."""
-        levels = partial(_levels_to_clean, self.schedule) if self.to_clean else None
+        levels = self._levels_to_clean if self.to_clean else None
         return replace(super().capabilities, levels=levels, defaults=self.defaults)
+
+    def _levels_to_clean(self, asked: SamplerSettings, _: tuple[int, int]) -> list[NoiseLevel]:
+        return self.schedule.levels(asked.step_count, asked.strength, asked.step_spacing)
 
     @property
     def size(self) -> int | None:

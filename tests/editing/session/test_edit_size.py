@@ -38,16 +38,10 @@ def scene():
     return painted(2000)
 
 
-@pytest.fixture(scope="module")
-def data(scene):
-    cameras = [camera.resized(72, 48) for camera in ring_cameras(demo_scene(), 16, 72)]
-    return Dataset(capture(scene, cameras, [f"{i:02d}" for i in range(16)]))
-
-
 @pytest.mark.parametrize("best", [36, 144])
-def test_views_are_edited_at_the_size_of_the_editor_and_the_targets_are_as_the_views(
-    scene, data, best
-):
+def test_views_are_edited_at_the_size_of_the_editor_and_the_targets_are_as_the_views(scene, best):
+    cameras = [camera.resized(72, 48) for camera in ring_cameras(demo_scene(), 16, 72)]
+    data = Dataset(capture(scene, cameras, [f"{i:02d}" for i in range(16)]))
     editor = Swapped(best, enlarges=best > 72)
     *items, result = steps(scene, data, QUICK, SinglePass(1), editor, "swap")
     assert len(editor.batches) > 1

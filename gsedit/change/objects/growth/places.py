@@ -36,6 +36,8 @@ dim all of a part alike."""
 BOUNCED = 0.2
 """Share of light that comes from what is around, wherever it is."""
 Rgb = tuple[float, float, float]
+TORN = (0.85, 0.97)
+"""Length of the mean normal around what is no surface to grow on, and of what is."""
 NEAREST = 6
 """Gaussians around a place that say what is known of it."""
 
@@ -60,6 +62,12 @@ class Site:
         seen = self.setting.found.seen
         bright = weighted_quantile(self.setting.luminance[:, None], seen, BRIGHT)
         return min(max(float(bright) / WELL_LIT, DARKEST), 1.0)
+
+    @cached_property
+    def firm(self) -> Float[Tensor, " n"]:
+        """How much of a surface the scene is: little among petals, where normals disagree."""
+        surface = self.setting.found.surface
+        return step(surface.smoothed(surface.normals, 3).norm(dim=-1), *TORN)
 
     @property
     def up(self) -> Float[Tensor, "3"]:
@@ -178,7 +186,12 @@ def mossy(spots: Spots) -> Float[Tensor, " m"]:
     low places farther, and on none that faces down."""
     damp = 0.3 * step(spots.openness, 0.75, 0.3) + 0.2 * step(spots.height, 0.35, 0.02)
     clumps = spots.rise + damp + 0.25 * spots.noise(0.09, 3) + 0.12 * spots.noise(0.03, 4)
-    return step(clumps, -0.1, 0.35) * step(spots.rise, -0.6, -0.2) * spots.earthly
+    return (
+        step(clumps, -0.1, 0.35)
+        * step(spots.rise, -0.6, -0.2)
+        * spots.earthly
+        * spots.mean(spots.site.firm)
+    )
 
 
 def icy(spots: Spots) -> Float[Tensor, " m"]:

@@ -54,7 +54,7 @@ AS_GOOD = 0.1
 VIEWS, VIEW_PIXELS, MARGIN = 12, 64, 0.04
 """Most cameras that are asked what they see, the longer side of their pictures, and the border of
 a picture, of its sides, that does not count."""
-SHAPE, WHOLE = 30, 3
+SHAPE, WHOLE = 50, 3
 """Most points of an object that are looked for in pictures, and the power of the share of them that
 a camera sees: one that sees it whole counts more than several that see parts."""
 HIDDEN = 0.04
