@@ -12,9 +12,9 @@ ROOT = Path(__file__).parents[1]
 LONGEST_FUNCTION = 40
 """Lines, the docstring not counted."""
 MOST = {
-    "product": (("gsedit", "cli", "rasterizer"), 64_942, 367),
-    "tests": (("tests",), 30_832, 285),
-    "examples": (("examples",), 5_456, 41),
+    "product": (("gsedit", "cli", "rasterizer"), 64_940, 367),
+    "tests": (("tests",), 30_802, 284),
+    "examples": (("examples",), 5_450, 41),
 }
 """Lines and files of Python of the whole house: whoever wants a line finds one to give. These
 numbers only ever fall."""
