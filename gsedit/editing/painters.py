@@ -384,11 +384,6 @@ def tone_map(name: str, amount: float | None, color: str | None = None) -> Affin
     return make(share)
 
 
-def _brightness(share: float) -> Affine:
-    """Display colors times 1 + share."""
-    return Grade(exposure=max(GAMMA * log2(max(1 + share, 1e-9)), DARKEST_STOPS)).affine
-
-
 def _warmth(share: float) -> Affine:
     kelvin = NEUTRAL * WARMEST**share
     return Grade(temperature=min(max(kelvin, COLDEST), HOTTEST)).affine
@@ -408,7 +403,11 @@ def _tint(share: float, color: str) -> Affine:
 
 
 TONES: dict[str, tuple[Callable[[float], Affine], float, float]] = {
-    "brightness": (_brightness, DEFAULT_SHARE, -1.0),
+    "brightness": (
+        lambda share: Grade(exposure=max(GAMMA * log2(max(1 + share, 1e-9)), DARKEST_STOPS)).affine,
+        DEFAULT_SHARE,
+        -1.0,
+    ),
     "contrast": (lambda share: Grade(contrast=1 + share).affine, DEFAULT_SHARE, -1.0),
     "saturation": (lambda share: Grade(saturation=1 + share).affine, DEFAULT_SHARE, -1.0),
     "warmth": (_warmth, DEFAULT_SHARE, -1.0),

@@ -27,8 +27,9 @@ def is_noun(phrase: str) -> bool:
 
 
 QUALITY = re.compile(
-    r"(?:^(?:the|its|their|all)|'s?)?(?: own| original)? ?\b(?:colou?rs?|brightness|contrast|blue|"
-    r"saturation|warmth|shadows|highlights|whites|blacks|midtones|lighting|sharpness)$"
+    r"(?:^(?:the|its|their|all)|'s?)?(?: own| original)? ?\b(?:colou?rs?|brightness|contrast|"
+    r"warmth|saturation|sharpness)$|(?:^(?:the|its|their|all)|'s)(?: own| original)? "
+    r"(?:blue|shadows|highlights|whites|blacks|midtones|lighting)$"
 )
 """A quality that stays, with whose it is: "the cake's brightness", "the shadows"."""
 

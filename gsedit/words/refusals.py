@@ -27,8 +27,8 @@ _END = r"(?: (?:please|now|again))*[.! ]*$"
 ODD = (
     (rf"^(?:please )?(?:undo|redo|revert|roll back)(?: (?:it|that|this|all|everything"
      rf"|(?:the|my|your) (?:last|previous)? ?(?:edit|change|step|one|thing)s?))*{_END}", "undo"),
-    (rf"^(?:please )?(?:remove|delete|erase|clear|get rid of) (?:absolutely )?(?:everything|"
-     rf"(?:it )?all(?: of)?(?: it| the \w+s)?|the (?:\w+ )?scene){_END}", "everything"),
+    (rf"^(?:please )?(?:remove|delete|erase|clear|get rid of) (?:everything|(?:it )?all"
+     rf"(?: of)?(?: it| the (?:thing|object)s)?|the (?:whole |entire )?scene){_END}", "everything"),
     (r"\w['\"]?\.(?:npz|gltf|fbx|dae|blend|3ds|ksplat|rad)\b", "insert"),
 )  # fmt: skip
 """What takes all back or away, and files that gsedit cannot read: the kind of refusal of each."""

@@ -104,6 +104,8 @@ def _run(name: str, inputs: BlendInputs, **arrays: Tensor | None) -> None:
     bins, numerics = inputs.bins, inputs.numerics
     table = inputs.table.contiguous()
     wanted = None if inputs.wanted is None else inputs.wanted.to(table).contiguous()
+    if wanted is not None and wanted.shape != (inputs.height, inputs.width):
+        raise ValueError(f"wanted pixels are {tuple(wanted.shape)}, the picture's are not")
     # held until the kernel returns: it gets addresses only
     held = {"table": table, "members": bins.members, "starts": bins.starts,
             "slots": bins.slots, "wanted": wanted, **arrays}  # fmt: skip

@@ -16,6 +16,7 @@ from gsedit.capture.fitting.solve import (
     trusting_penalty,
 )
 from gsedit.views.dataset import View
+from rasterizer.blending.choose import is_compiled
 from rasterizer.color_weights import color_weights
 from rasterizer.numerics import SH_DC, Execution, color_to_sh, sh_to_color
 from rasterizer.render import backproject, render
@@ -51,6 +52,10 @@ def test_weights_are_the_picture_and_its_transpose(scene, cameras, execution):
     some, held = replace(weights, wanted=part[..., 0]), part * maps
     assert_near(part * some.picture(sh_to_color(scene.sh[:, 0])), part * picture, 200 * EPS32)
     assert_near(some.back(held), backproject(scene, cameras[0], held), 200 * EPS32)
+    if execution == KERNELS[0] and is_compiled(execution):
+        assert not some.picture(sh_to_color(scene.sh[:, 0]))[:, 14:].any()
+        with pytest.raises(ValueError, match=r"wanted pixels are \(1, 40\)"):
+            replace(weights, wanted=part[:1, :, 0]).back(maps)
 
 
 def test_renders_of_other_colors_come_back(scene, cameras):

@@ -68,6 +68,19 @@ def descended(scene, views, inside=None):
     return losses, last
 
 
+def test_a_view_that_leads_nothing_takes_no_part(scene, cameras, striped):
+    every = [color_weights(scene, view.camera) for view in striped]
+    for chosen in ([], [1]):  # none, or one, of which the pixels count
+        counts = [torch.full((view.camera.height, view.camera.width), 1.0) for view in striped]
+        own = [replace(w, wanted=c * (i in chosen)) for i, (w, c) in enumerate(zip(every, counts))]
+        *losses, last = stroke_steps(
+            scene, striped, torch.ones(len(scene), dtype=torch.bool), 3, FilterBank(),
+            torch.Generator().manual_seed(0), weights=own,
+        )  # fmt: skip
+        assert len(losses) == 3 * len(chosen)
+        assert (last.sh != scene.sh).any() == bool(chosen)
+
+
 def energy(scene, cameras):
     pictures = torch.stack([render(scene, camera).color for camera in cameras])
     return float((pictures[:, 1:] - pictures[:, :-1]).square().mean())

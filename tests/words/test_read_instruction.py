@@ -289,6 +289,7 @@ def test_each_thing_has_its_own_look():
         "remove all colors but red", "put the bear on the moon",
         "add a second sun", "insert <3>", "put vase.npz on the table", "add vase.fbx",
         "turn it purple by 30 degrees", "clean up the background", "more bronzed please",
+        "make everything black and white except the blue", "remove all of it",
         "make the shadows on the wall longer", "plus one stop. Scratch that, minus one",
     ],
 )  # fmt: skip

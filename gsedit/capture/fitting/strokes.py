@@ -94,10 +94,11 @@ def stroke_steps(
     drawn = [
         Drawn(own, view, render_picture(scene, view.camera), features)
         for own, view in zip(weights, targets)
+        if own.wanted is None or own.wanted.any()  # what leads nothing tells no ratio
     ]
     change = torch.zeros_like(scene.means, requires_grad=True)
     adam, weight, threads, order = Adam(), None, StepThreads(), list[int]()
-    for step in range(steps):
+    for step in range(steps if drawn else 0):
         order = order or torch.randperm(len(drawn), generator=generator).tolist()
         view = drawn[order.pop()]
         with threads.step():

@@ -113,10 +113,6 @@ def _grain(ground: Ground, scale: float) -> tuple[Tensor, float]:
     return turbulence(stretched, 2, 2), 0.5
 
 
-def _patches(ground: Ground, scale: float) -> tuple[Tensor, float]:
-    return turbulence(_warped(ground.points / scale, 0.3), 11) + 0.5 * ground.hollow, 0.12
-
-
 def _strata(ground: Ground, scale: float) -> tuple[Tensor, float]:
     bent = ground.points[:, 2] / scale + 0.35 * turbulence(ground.points / scale / 4, 20, 3)
     along = torch.stack((bent * 0 + 0.1, bent * 0 + 0.2, bent), -1)
@@ -157,7 +153,10 @@ _FIELDS = {
         grain(ground.points / scale) + 0.6 * grain(ground.points * (2.3 / scale), 5),
         0.15,
     ),
-    "patches": _patches,
+    "patches": lambda ground, scale: (
+        turbulence(_warped(ground.points / scale, 0.3), 11) + 0.5 * ground.hollow,
+        0.12,
+    ),
     "strata": _strata,
     "weave": _weave,
     "bricks": _bricks,

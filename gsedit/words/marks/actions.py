@@ -68,6 +68,8 @@ def _scale(asked: Asked, text: str, phrase: str) -> tuple[float, None]:
 def _factor(asked: Asked, text: str) -> float | None:
     """Factor of size by an amount: 1.2 for "20 % larger", 0.5 for "to half"; None for none."""
     number, sign, said = number_of(scanned(asked.amount)), asked.sign or 1, asked.amount
+    if ratio := re.search(r"(\d+) ?: ?([1-9]\d*)", said):
+        return float(ratio[1]) / float(ratio[2])
     if number is None or number < 0:
         return None
     remains = said.startswith(("to ", "at ")) and asked.after.lower() not in ("less", "off")
@@ -100,7 +102,7 @@ def _turn(asked: Asked, text: str, phrase: str) -> tuple[float, None]:
     elif asked.degree == "little":
         degrees = 15.0
     else:
-        degrees = 90.0 if asked.sign else 180.0
+        degrees = 90.0 if asked.sign and not re.search(r"\b(?:around|other way)\b", text) else 180
     if not degrees % 360:
         raise Refused("nonsense")
     ways = {each.lastindex is None for each in CLOCKWISE.finditer(text)}

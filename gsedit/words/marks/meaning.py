@@ -38,6 +38,7 @@ def changes_of(said: Marked, files: Sequence[str] = ()) -> list[Change]:
     found, last, left = list[Change](), "", list(files)
     for before, asked in zip((None, *said.asked), said.asked):
         both = before and before.deed == asked.deed == "tone" and asked.of == before.of
+        both = both and not any(map(WHOLE.match, said.text.split()))
         if before and both and asked.part == "scene":
             asked = replace(asked, part=before.part)  # "make the bear brighter and warmer"
         put = asked.of_file and asked.deed in ("move", "copy")
@@ -147,15 +148,15 @@ def led(asked: Asked, text: str) -> str:
     return name
 
 
-SHADOW = r"\bshadows?\b(?: \w+)* (?:(weaker|softer|fainter|less (?!light)\w+)|longer|shorter)"
+SHADOW = r"^(?!.*not ).*(less) shadow|shadows?(?: (?!and )\w+)* (?:(weaker|softer)|longer|shorter)"
 """What shadows become: lighter where it is in the group; their length is the sun's."""
 
 
 def _toned(asked: Asked, text: str) -> Change:
     """A signed change of a tone. Raises Refused."""
     given, name, sign = amount_of(scanned(_amount(asked))), asked.tone, asked.sign or 1
-    if name == "shadows" and (told := re.search(SHADOW, text)):
-        if not told[1]:
+    if name == "shadows" and (told := re.search(SHADOW, text.lower())):
+        if not any(told.groups()):
             raise Refused("unreal")
         sign = 1
     if name in ("grayscale", "sepia", "negative"):
@@ -195,7 +196,7 @@ def _placed(change: Change, asked: Asked, text: str, last: str) -> Change:
     if part == "span":
         part = "background" if BACKGROUND.match(of) else "scene" if WHOLE.match(of) else part
         part = "it" if PRONOUN.match(of) or not of else part
-    solid, told = change.kind in SOLID, _told(of)
+    solid, told = change.kind in SOLID, "the copy" if of in things("copied") else of
     if part == "span" and change.name == "brightness" and (lamp := values.lamp(of)):
         return replace(lamp, amount=change.amount)  # "make the moonlight brighter"
     if change.kind == "light" and part in ("span", "it"):
@@ -232,16 +233,13 @@ def tells(phrase: str) -> bool:
     return bool(sized) or any(word.kind in ("color", "direction") for word in words)
 
 
-def _told(of: str) -> str:
-    """A phrase as objects are called: "the copy" for one that was just made."""
-    return "the copy" if of in things("copied") else of
-
-
 def _checked(change: Change) -> Change:
     """A change whose amount is in range. Raises Refused."""
     most = MOST.get(change.kind)
     if most is not None and not -1 <= (change.amount or 0) <= most:
         raise Refused("amount")
+    if change.target == "background" and change.phrase and not owned(change).phrase:
+        raise Refused("kept", change.phrase)
     return change
 
 
