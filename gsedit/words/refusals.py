@@ -31,7 +31,7 @@ ODD = (
      rf"(?: of)?(?: it| the (?:thing|object)s)?|the (?:whole |entire )?scene){_END}", "everything"),
     (r"\w['\"]?\.(?:npz|gltf|fbx|dae|blend|3ds|ksplat|rad)\b", "insert"),
 )  # fmt: skip
-"""What takes all back or away, and files that gsedit cannot read: the kind of refusal of each."""
+"""Phrases that take all back or away, files that nothing reads: the kind of refusal of each."""
 
 
 def first_refusal(sentence: str) -> str | None:

@@ -149,7 +149,7 @@ def led(asked: Asked, text: str) -> str:
 
 
 SHADOW = r"^(?!.*not ).*(less) shadow|shadows?(?: (?!and )\w+)* (?:(weaker|softer)|longer|shorter)"
-"""What shadows become: lighter where it is in the group; their length is the sun's."""
+"""Shadows that become lighter, in a group; where none is, longer: their length is the sun's."""
 
 
 def _toned(asked: Asked, text: str) -> Change:
