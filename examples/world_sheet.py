@@ -220,12 +220,12 @@ def object_rows(shown: Shown) -> list[list[Labelled]]:
 def save_pairs(shown: Shown, scenes: Sequence[Gaussians | None], folder: Path) -> None:
     """Write a picture for each instruction: before and after, side by side."""
     folder.mkdir(parents=True, exist_ok=True)
-    copied = scenes[1 + COPIED]
-    facing = shown.camera if copied is None else shown.facing(copied)
+    before = cell(scenes[0], shown.camera, PAIR_PIXELS)
     for i, (text, scene) in enumerate(zip(INSTRUCTIONS, scenes[1:], strict=True)):
-        camera = facing if i == COPIED else shown.camera
-        pair = [cell(each, camera, PAIR_PIXELS) for each in (scenes[0], scene)]
-        save(grid([list(zip(("before", text), pair))]), folder / f"{i + 1:02d}.jpg")
+        camera = shown.facing(scene) if i == COPIED and scene is not None else shown.camera
+        first = before if camera is shown.camera else cell(scenes[0], camera, PAIR_PIXELS)
+        pair = [("before", first), (text, cell(scene, camera, PAIR_PIXELS))]
+        save(grid([pair]), folder / f"{i + 1:02d}.jpg")
 
 
 def save(sheet: Image.Image, path: Path) -> None:

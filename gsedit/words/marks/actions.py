@@ -25,7 +25,7 @@ SIZES = (0.1, 10.0)
 MOST_COPIES = 20
 METRES = {unit: float(metres) for unit, metres in things("metres").items()}
 UNIT = re.compile(rf"(?<![a-z])({spans('metres')})\b")
-LENGTH = re.compile(rf"\S+ ?(?<![a-z])(?:{spans('metres')})\b")
+LENGTH = re.compile(rf"\S+ ?{UNIT.pattern}")
 TURNS: dict[str, float] = {"quarter": 90.0, "half": 180.0, "full": 360.0}
 """Degrees of a part of a turn."""
 CLOCKWISE = re.compile(
