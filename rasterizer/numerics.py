@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import inspect
 import math
-from collections.abc import Callable, Generator
+from collections.abc import Generator
 from contextvars import ContextVar
 from dataclasses import dataclass, field
-from functools import wraps
-from typing import Any, Literal, ParamSpec, TypeVar, get_args
+from typing import Any, Literal, TypeVar, get_args
 
 SH_DC = 0.28209479177387814
 """Y_00 = 1 / (2 sqrt(pi)), the value of the first spherical harmonic."""
@@ -94,30 +92,13 @@ class Execution:
 
 AUTO = Execution()
 _RULING: ContextVar[Execution] = ContextVar("ruling execution", default=AUTO)
-P = ParamSpec("P")
 T = TypeVar("T")
 R = TypeVar("R")
 
 
-def ruled(function: Callable[P, T]) -> Callable[P, T]:
-    """Let the `execution` that a function is called with rule all that it renders, unless it is
-    AUTO, or an `execution` is given there."""
-    parameters = inspect.signature(function)
-
-    @wraps(function)
-    def called(*arguments: P.args, **more: P.kwargs) -> T:
-        asked = parameters.bind(*arguments, **more).arguments.get("execution", AUTO)
-        token = _RULING.set(ruling(asked))
-        try:
-            return function(*arguments, **more)
-        finally:
-            _RULING.reset(token)
-
-    return called
-
-
 def rule(execution: Execution) -> None:
-    """Let an execution rule all that this context renders from now on, unless it is AUTO."""
+    """Let an execution rule all that this context renders from now on, unless it is AUTO, or
+    another is given there."""
     _RULING.set(ruling(execution))
 
 

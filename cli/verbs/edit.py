@@ -212,7 +212,7 @@ def run_preview(asked: EditCommand) -> None:
         print_message(f"understood as: {first}")
     if followed is None:
         with numbered(path.with_name(OBJECTS), gaussians, viewpoints):
-            shown = preview_exact(gaussians, first, viewpoints, settings, names)
+            shown = preview_exact(gaussians, first, viewpoints, settings.region, names)
         for note in shown.notes:
             print_message(note)
     else:
@@ -222,7 +222,7 @@ def run_preview(asked: EditCommand) -> None:
             region = drawn_region(finder, first, followed)
         shown = preview_edited(
             gaussians, first, viewpoints[0].camera, followed, asked.common.seed,
-            settings.sampler, settings.execution, settings.edit_size, region,
+            settings.sampler, settings.edit_size, region,
         )  # fmt: skip
     save_picture(shown.picture(), path, overwrite=asked.own.force)
     print_result({"picture": path}, str(path))

@@ -25,7 +25,6 @@ from gsedit.editing.plan import is_exact, key_of
 from gsedit.editing.preview import drawn_region, preview_coarse, preview_edited, shown_by
 from gsedit.errors import GseditError, UsageError
 from gsedit.formats.pictures import eight_bits
-from gsedit.paper.settings import EditSettings
 from gsedit.run.events import returned
 from gsedit.select.finder import Finder, Names
 from gsedit.select.saved import saved_files
@@ -45,7 +44,7 @@ class Previewer:
     def __init__(self, loaded: Loaded, region: Path | None) -> None:
         """`region`: file of the selected Gaussians; None: the sentence says what changes."""
         self.loaded = loaded
-        self.settings = EditSettings(region=SUBJECT if region is None else str(region))
+        self.region = SUBJECT if region is None else str(region)
 
     def is_exact(self, reading: Reading) -> bool:
         """Whether the preview is a scene; else it is a picture of one view."""
@@ -64,7 +63,7 @@ class Previewer:
         assert reading.first is not None  # what is refused has no preview
         scene, shown = self.loaded.scene, None
         if camera is not None:
-            shown = shown_by(scene, camera, self.settings.execution)
+            shown = shown_by(scene, camera)
         with self.loaded.cache.used():
             return returned(change_steps(self.finder, (reading.first,), shown=shown))
 
@@ -89,20 +88,15 @@ class Previewer:
             return None
         camera = camera.fitted(2 * DRAFT_PIXELS)
         with suppress(UsageError), draft.cache.used():  # too small for groups: the preview tells
-            return preview_coarse(
-                draft.merged, reading.first, self.finder, draft.cameras, camera,
-                self.settings.execution,
-            )  # fmt: skip
+            return preview_coarse(draft.merged, reading.first, self.finder, draft.cameras, camera)
         return None
 
     def picture(self, reading: Reading, camera: Camera) -> UInt8[np.ndarray, "h w 3"]:
         """One view as the 2D editor draws it. Raises UsageError as `preview_edited` does."""
         assert reading.first is not None  # what is refused has no preview
         region = drawn_region(self.finder, reading.first, editor_2d())
-        found = preview_edited(
-            self.loaded.scene, reading.first, camera, editor_2d(),
-            execution=self.settings.execution, region=region,
-        )  # fmt: skip
+        scene, step = self.loaded.scene, reading.first
+        found = preview_edited(scene, step, camera, editor_2d(), region=region)
         return eight_bits(found.after.image)
 
     def prepare(
@@ -145,8 +139,7 @@ class Previewer:
     @cached_property
     def finder(self) -> Finder:
         """Finds what sentences name, in all views, as the edit does it."""
-        loaded, settings = self.loaded, self.settings
-        return loaded.ready().in_region(settings.region, self._names())
+        return self.loaded.ready().in_region(self.region, self._names())
 
     def _names(self) -> Names:
         return Names(saved_files(self.loaded.file))

@@ -9,20 +9,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 from PIL import Image
 from torch import Tensor
 
 from gsedit.editing.edit import change_steps
 from gsedit.editing.painters import Looking, painted
-from gsedit.editing.parts import aimed_at, find_parts
+from gsedit.editing.parts import SUBJECT, aimed_at, find_parts
 from gsedit.editing.plan import key_of
 from gsedit.formats.pictures import fitted_size
 from gsedit.paper.diffusion.settings import SamplerSettings
 from gsedit.paper.editors.protocol import EditBatch, Editor, following
 from gsedit.paper.guided import carry_change
 from gsedit.paper.session import edit_camera
-from gsedit.paper.settings import EditSettings
 from gsedit.pictures.contact_sheet import contact_sheet
 from gsedit.run.events import returned
 from gsedit.scene.merging import MergedScene
@@ -35,7 +34,6 @@ from gsedit.views.viewpoints import Viewpoint
 from gsedit.words.instruction import Instruction
 from gsedit.words.phrases import IT
 from rasterizer.camera import Camera
-from rasterizer.numerics import AUTO, Execution, ruled, under
 from rasterizer.render import render_picture
 from rasterizer.scene import Gaussians
 
@@ -62,7 +60,7 @@ def preview_exact(
     scene: Gaussians,
     step: Instruction,
     viewpoints: Sequence[Viewpoint],
-    settings: EditSettings | None = None,
+    region: str = SUBJECT,
     names: Names | None = None,
 ) -> Preview:
     """The first view of a scene as the painters change it, about as the whole edit will.
@@ -71,30 +69,30 @@ def preview_exact(
     fewer would find other objects. For looks the subject is searched in few views. Raises
     UsageError as `change_steps`.
     """
-    settings, camera = settings or EditSettings(), viewpoints[0].camera
-    some, shown, changes = viewpoints, None, step.changes
+    camera, some, shown, changes = viewpoints[0].camera, viewpoints, None, step.changes
     if not any(each.route == "object" or each.phrase not in ("", IT) for each in changes):
         some = [viewpoints[i] for i in evenly_spaced(len(viewpoints), SEARCHED_VIEWS + 1)]
-        shown = shown_by(scene, camera, settings.execution)
-    finder = Finder(scene, some, settings.region, names)
-    changed = returned(under(settings.execution, change_steps(finder, (step,), shown=shown)))
-    before, after = pictures_of((scene, changed.scene), camera, settings.execution)
+        shown = shown_by(scene, camera)
+    changed = returned(change_steps(Finder(scene, some, region, names), (step,), shown=shown))
+    before, after = (render_picture(each, camera) for each in (scene, changed.scene))
     found = () if changed.region.is_all else (f"region: {changed.region.note}",)
     notes = (*found, *changed.notes)
     return Preview(View("before", camera, before), View("after", camera, after), notes)
 
 
-@ruled
 @torch.no_grad()
 def preview_coarse(
-    merged: MergedScene, step: Instruction, finder: Finder, cameras: Sequence[Camera],
-    camera: Camera, execution: Execution = AUTO,
-) -> Gaussians:  # fmt: skip
+    merged: MergedScene,
+    step: Instruction,
+    finder: Finder,
+    cameras: Sequence[Camera],
+    camera: Camera,
+) -> Gaussians:
     """The finder's scene about as an exact step makes it, and soon: the groups of the merged one
     are changed, as few `cameras` and this one see them. Raises UsageError as `change_steps`."""
     (step,) = aimed_at((step,), finder.region)
     found = find_parts((step,), finder)
-    shown = shown_by(merged.scene, camera, execution)
+    shown = shown_by(merged.scene, camera)
     flags = {key: merged.majority(each) for key, each in found.flags.items()} | {"shown": shown}
     parts, looking = replace(found, flags=flags), Looking(cameras, coarse=True)
     return merged.carry(painted(step, parts, same(merged.scene), looking)[1])
@@ -109,23 +107,13 @@ def drawn_region(finder: Finder, step: Instruction, editor: Editor) -> Region | 
     return find_parts((step,), finder, editor).now(key_of(step.changes[0]))
 
 
-@ruled
-def pictures_of(
-    scenes: Sequence[Gaussians], camera: Camera, execution: Execution
-) -> list[Float[Tensor, "h w 3"]]:
-    """A picture of each scene from one camera."""
-    return [render_picture(scene, camera) for scene in scenes]
-
-
-@ruled
-def shown_by(scene: Gaussians, camera: Camera, execution: Execution) -> Bool[Tensor, " n"]:
+def shown_by(scene: Gaussians, camera: Camera) -> Bool[Tensor, " n"]:
     """The Gaussians that a camera shows: for its picture, only they need new reflections."""
     ones = torch.ones(camera.height, camera.width)
     # of fewer pixels, reflections are not computed
     return lift(scene, [camera], [ones]).weight > 0.05
 
 
-@ruled
 @torch.no_grad()
 def preview_edited(
     scene: Gaussians,
@@ -134,7 +122,6 @@ def preview_edited(
     editor: Editor,
     seed: int = 0,
     sampler: SamplerSettings | None = None,
-    execution: Execution = AUTO,
     size: int | None = None,
     region: Region | None = None,
 ) -> Preview:

@@ -7,7 +7,6 @@ from labelled import statue
 from gsedit.editing.edit import change_steps
 from gsedit.editing.preview import preview_exact
 from gsedit.measures.formulas import psnr
-from gsedit.paper.settings import EditSettings
 from gsedit.run.events import returned
 from gsedit.select.finder import Finder
 from gsedit.views.orbit import circle
@@ -43,10 +42,10 @@ def test_a_tone_of_the_scene_is_previewed_exactly(labelled, viewpoints):
 def test_a_preview_of_a_material_is_as_the_edit_shows_it(labelled, viewpoints):
     """Reflections are computed of what the view shows: the picture is that of the whole edit."""
     scene, asked = labelled.gaussians, read_instruction("make it polished bronze")
-    inside = EditSettings(region="sphere:0,0,0,0.3")
+    inside = "sphere:0,0,0,0.3"
     found = preview_exact(scene, asked, viewpoints, inside)
     with torch.no_grad():
-        changed = returned(change_steps(Finder(scene, viewpoints, inside.region), (asked,)))
+        changed = returned(change_steps(Finder(scene, viewpoints, inside), (asked,)))
         whole = render_picture(changed.scene, viewpoints[0].camera)
     assert psnr(found.after.image, whole) > 40
     assert psnr(found.before.image, whole) < 30

@@ -1,6 +1,7 @@
 """Both backends under other modes of torch, with extreme settings and bad ones."""
 
 import math
+from contextvars import copy_context
 from dataclasses import replace
 
 import pytest
@@ -10,7 +11,7 @@ from scenes import cloud, gaussian
 
 from rasterizer import Camera, Execution, Numerics, concatenate, render
 from rasterizer.blending import cpp_backend as compiled
-from rasterizer.numerics import AUTO, ruled, ruling
+from rasterizer.numerics import AUTO, rule, ruling
 from rasterizer.reference import render_reference
 
 EXECUTIONS = [Execution(kernel="torch"), Execution(kernel="compiled")]
@@ -85,13 +86,10 @@ def test_a_line_of_no_width_has_antialiased_gradients(execution):
 
 
 def test_an_execution_rules_what_is_rendered_without_one():
-    @ruled
-    def kernel_within(execution=AUTO):
-        return ruling(AUTO).kernel, ruling(Execution(kernel="compiled")).kernel, nested()
+    def kernels():
+        rule(Execution(kernel="torch"))
+        rule(AUTO)
+        return ruling(AUTO).kernel, ruling(Execution(kernel="compiled")).kernel
 
-    @ruled
-    def nested(execution=AUTO):
-        return ruling(execution).kernel
-
-    assert kernel_within(Execution(kernel="torch")) == ("torch", "compiled", "torch")
+    assert copy_context().run(kernels) == ("torch", "compiled")
     assert ruling(AUTO) == AUTO

@@ -25,7 +25,7 @@ from gsedit.run.events import Checkpoint, Event
 from gsedit.run.json_lines import Journal
 from gsedit.views.dataset import Dataset, View
 from gsedit.views.load import load_dataset
-from rasterizer.numerics import Execution, ruled
+from rasterizer.numerics import Execution, rule
 from rasterizer.render import render_picture
 from rasterizer.scene import Gaussians
 from research.figures import draw_errors
@@ -111,10 +111,10 @@ class BenchSettings:
 
 
 @torch.no_grad()
-@ruled
 def measure(scene: Gaussians, views: Sequence[View], execution: Execution) -> Quality:
     """Error, structure and perceptual distance of renders, clamped to [0, 1], to photos; masked
     pixels do not count."""
+    rule(execution)
     shown = [view for view in views if view.mask is None or view.mask.any()]
     pairs = [(render_picture(scene, view.camera), view.image, view.mask) for view in shown]
     distances = [each for pair in pairs if (each := perceptual(*pair)) is not None]
