@@ -18,7 +18,7 @@ from gsedit.measures.features import MIN_SIDE, FeatureExtractor, FilterBank
 from gsedit.paper.editors.protocol import Editor, StylePainter
 from gsedit.paper.settings import EditSettings
 from gsedit.run.json_lines import plain
-from gsedit.run.state import digest, digest_of
+from gsedit.run.state import digest_of
 from gsedit.select.region import Region
 from gsedit.views.dataset import Dataset, View
 from gsedit.views.lazy_views import of_one_size
@@ -196,7 +196,7 @@ def request_record(request: Request) -> dict[str, Any]:
     fields = (getattr(request.scene, name) for name in request.scene.__dataclass_fields__)
     settings = plain(request.settings)
     record = {
-        "scene": f"{len(request.scene)} Gaussians, {digest(*fields)}",
+        "scene": f"{len(request.scene)} Gaussians, {digest_of(fields)}",
         "instruction": request.prompt,
         "settings": {k: value for k, value in settings.items() if k not in RESUME_IGNORED},
         "strategy": {"name": name_of(request.strategy), **plain(request.strategy)},

@@ -149,13 +149,8 @@ def tensor_like(tensors: Mapping[str, Tensor], name: str, like: Tensor) -> Tenso
     return found.detach().clone()
 
 
-def digest(*tensors: Tensor) -> str:
-    """A short text that is another for other numbers."""
-    return digest_of(tensors)
-
-
 def digest_of(tensors: Iterable[Tensor]) -> str:
-    """`digest`, of tensors that need not be there at once."""
+    """A short text that is another for other numbers; tensors need not be there at once."""
     total = hashlib.sha256()
     for tensor in tensors:
         total.update(f"{tensor.dtype}{tuple(tensor.shape)}".encode())

@@ -26,7 +26,6 @@ from gsedit.errors import GseditError, Said, UsageError
 from gsedit.formats.flags import read_flags
 from gsedit.run.atomic import atomic_path
 from gsedit.run.state import digest_of
-from gsedit.scene.merging import MergedScene
 from gsedit.scene.table import table_of
 from gsedit.select.click import Click, Selector
 from gsedit.select.masked import MaskProvider, read_masks
@@ -75,13 +74,10 @@ class Finder:
         viewpoints: Sequence[Viewpoint] = (),
         region: str = "auto",
         names: Names | None = None,
-        coarse: MergedScene | None = None,
     ) -> None:
         """Keep the scene, the views in which it is looked at (none: some are found), and the
-        region that stands for the subject; nothing is computed yet. Where the scene holds the
-        groups of a large one, `coarse` maps between both."""
-        self.scene, self.region = scene.detach(), region
-        self.names, self._coarse = names or Names(), coarse
+        region that stands for the subject; nothing is computed yet."""
+        self.scene, self.region, self.names = scene.detach(), region, names or Names()
         self._given, self._known = tuple(viewpoints), dict[str, Region]()
 
     @cached_property
@@ -101,7 +97,7 @@ class Finder:
 
     def in_region(self, region: str, names: Names) -> Finder:
         """A finder of the same scene with another region for its subject, and other names."""
-        other = Finder(self.scene, self.viewpoints, region, names, self._coarse)
+        other = Finder(self.scene, self.viewpoints, region, names)
         other.selector = self.selector
         return other
 
@@ -190,13 +186,13 @@ class Finder:
         if file is None:
             names = ", ".join(self.names.saved) or "none: gsedit select ... --as NAME saves one"
             raise UsageError(f"no selection is saved as {name!r}; there is {names}")
-        inside = torch.from_numpy(read_named(file, self._fine.means.numpy()))
-        return Region(self._grouped(inside), f"{name}, as it was saved")
+        inside = torch.from_numpy(read_named(file, self.scene.means.numpy()))
+        return Region(inside, f"{name}, as it was saved")
 
     def find_flags(self, path: str) -> Region:
         """The Gaussians that a .npy file flags."""
-        inside = read_flags(Path(path).expanduser(), len(self._fine))
-        return Region(self._grouped(torch.from_numpy(inside)), path)
+        inside = read_flags(Path(path).expanduser(), len(self.scene))
+        return Region(torch.from_numpy(inside), path)
 
     def find_drawn(self, path: str) -> Region:
         """The Gaussians in masks drawn on views: a .png named after its view, or a folder."""
@@ -225,13 +221,6 @@ class Finder:
         """IoU of the picture of a region with a mask."""
         shown, drawn = coverage(region, self.scene, camera) > 0.5, mask > 0.5
         return float((shown & drawn).sum() / (shown | drawn).sum().clamp_min(1))
-
-    @property
-    def _fine(self) -> Gaussians:
-        return self.scene if self._coarse is None else self._coarse.fine
-
-    def _grouped(self, inside: Bool[Tensor, " m"]) -> Bool[Tensor, " n"]:
-        return inside if self._coarse is None else self._coarse.majority(inside)
 
 
 def click_on(views: Sequence[Viewpoint], name: str, x: float, y: float) -> Click:

@@ -32,7 +32,7 @@ from gsedit.measures.formulas import psnr
 from gsedit.pictures import notebook
 from gsedit.run.events import Checkpoint, Event
 from gsedit.run.json_lines import plain
-from gsedit.run.state import State, check_same, digest, digest_of, restoring, tensor_like
+from gsedit.run.state import State, check_same, digest_of, restoring, tensor_like
 from gsedit.run.step_threads import StepThreads
 from gsedit.run.stopwatch import Stopwatch
 from gsedit.scene.framing import finest_pixels
@@ -62,10 +62,6 @@ class Budget:
         self._steps, self._seconds = steps, seconds
         self._stopwatch = Stopwatch(spent, clock=clock)
         self.step = step
-
-    def count_step(self) -> None:
-        """A step is done."""
-        self.step += 1
 
     @property
     def seconds(self) -> float:
@@ -319,7 +315,7 @@ class _Fit:
         self.gradients.include(seen)
         optimizer.step({k: v**self.budget.progress for k, v in FINAL_RATE.items()})
         optimizer.hold_shapes(self.pixels)
-        self.budget.count_step()
+        self.budget.step += 1
         self.work += self.costs[self._level]
         self._count_loss(loss.item() / self.batch)
 
@@ -477,7 +473,7 @@ def requested(
         "photos": f"{len(dataset)}, the first of {cameras[0].width}x{cameras[0].height}, "
         + digest_of(chain([poses, lenses.round(decimals=6)], pixels)),
         "settings": {name: v for name, v in plain(settings).items() if name not in FREE},
-        "from": None if start is None else f"{len(start)} Gaussians, {digest(*fields)}",
+        "from": None if start is None else f"{len(start)} Gaussians, {digest_of(fields)}",
         "seed": generator.initial_seed(),
     }
 
