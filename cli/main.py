@@ -15,7 +15,7 @@ from typer.core import TyperGroup
 from typer.main import get_command
 
 from .chain import THEN, OperationCommand
-from .core.command import SET, LazyCommand, paragraphs, verb_name
+from .core.command import SET, LazyCommand, verb_name
 from .core.console import print_json, print_message
 from .core.exits import FAILED, OK, USAGE, Interrupted, explain, one_line
 from .verbs.app import app as app_verb
@@ -140,6 +140,7 @@ def show_version(requested: bool) -> None:
         raise typer.Exit
 
 
+@app.callback()
 def gsedit(
     version: Annotated[
         bool,
@@ -153,9 +154,6 @@ def gsedit(
     gsedit VERB --help explains a verb. Exit codes: 0 done, 1 failed, 2 wrong request, 3 unreadable
     input, 130 interrupted. Results go to stdout, messages to stderr.
     """
-
-
-app.callback(help=paragraphs(gsedit))(gsedit)
 
 
 def _interrupt(number: int, _: Any) -> None:

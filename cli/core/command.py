@@ -56,9 +56,8 @@ SET = "--set."
 HELP_FLAGS = frozenset({"--set", "--help", "--help-all"})
 RARE = frozenset({"--debug", "--threads", "--drop-invalid", "--spz-frame", "--samples"})
 """Flags that the help of a verb leaves out unless the verb names its own list."""
-METAVARS = {"bool": "", "int": " N", "float": " X", "str": " TEXT", "path": " PATH"}
-"""Texts for values in a help, by the type that typer names."""
-VALUE_TYPE = re.compile(r" <(bool|int|float|str|path)( range)?>$")
+METAVARS = {int: "N", float: "X", str: "TEXT", Path: "PATH"}
+"""Texts for values in a help, by their types."""
 SWITCHES = {"on": True, "true": True, "yes": True, "1": True}
 SWITCHES |= {"off": False, "false": False, "no": False, "0": False}
 """Values of a flag in `--set`."""
@@ -147,8 +146,9 @@ class Setting:
         if self.negatable:
             first = f"{first}/--no-{first.removeprefix('--')}"
         shown = f"{self.meaning}  [default: {self.default}]" if self.default else self.meaning
-        choices = "|".join(get_args(self.type)) if get_origin(self.type) is Literal else None
-        more = {"metavar": choices, "show_default": False}
+        is_choice = get_origin(self.type) is Literal
+        text = "|".join(get_args(self.type)) if is_choice else METAVARS.get(self.type)
+        more = {"metavar": text, "show_default": False}
         given = {name: value for name, value in self.more.items() if value is not None}
         found = typer.Option(first, *others, help=shown, **{**more, **given})
         if self.required:
@@ -331,15 +331,10 @@ def as_command(body: Body, parameters: Iterable[inspect.Parameter], run: Body) -
         gathered.pop(own, None)
         return run(**values, **gathered)
 
-    command.__name__, command.__doc__ = body.__name__, paragraphs(body)
+    command.__name__, command.__doc__ = body.__name__, body.__doc__
     command.__signature__ = inspect.Signature(options)  # pyright: ignore[reportFunctionMemberAccess]
     command.__annotations__ = {option.name: option.annotation for option in options}
     return command
-
-
-def paragraphs(body: Body) -> str:
-    """The docstring with each paragraph on one line: a terminal folds it to its own width."""
-    return "\n\n".join(" ".join(each.split()) for each in (body.__doc__ or "").split("\n\n"))
 
 
 class VerbCommand(TyperCommand):
@@ -364,8 +359,7 @@ class VerbCommand(TyperCommand):
         for param in self.get_params(ctx):
             if record := param.get_help_record(ctx):
                 is_option = param.opts[0].startswith("-")
-                name = VALUE_TYPE.sub(lambda match: METAVARS[match[1]], record[0])
-                name = name if is_option else name.partition(" ")[0]  # it says what it is
+                name = record[0] if is_option else record[0].partition(" ")[0]
                 text = record[1].replace("]  [", "; ")
                 sections["Options" if is_option else "Arguments"].append((name, text))
         sections["Options"].sort(key=lambda row: not row[0].startswith("-o"))
@@ -428,7 +422,7 @@ class LazyCommand(TyperCommand):
     """
 
     def __init__(self, body: Body, make: Callable[[], Any] | None = None) -> None:
-        super().__init__(verb_name(body), help=paragraphs(body).split("\n")[0])
+        super().__init__(verb_name(body), help=(body.__doc__ or "").partition("\n\n")[0])
         self.body = body
         self.make = make or (lambda: verb_command(body))
         """Returns the whole command."""
