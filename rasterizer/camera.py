@@ -7,7 +7,7 @@ from math import radians, tan
 from typing import Any, Literal
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 
@@ -72,6 +72,15 @@ class Camera:
         x, y, z = (points @ pose[:3, :3].T + pose[:3, 3]).unbind(-1)
         scale = z if self.model == "pinhole" else 1
         return torch.stack((self.fx * x / scale + self.cx, self.fy * y / scale + self.cy), -1), z
+
+    def pictured(
+        self, points: Float[Tensor, "*b 3"], margin: float = 0.0
+    ) -> tuple[Float[Tensor, "*b 2"], Float[Tensor, "*b"], Bool[Tensor, "*b"]]:
+        """`project`, and which points are in front and in the picture, a share of its sides in."""
+        xy, z = self.project(points)
+        size = xy.new_tensor((self.width, self.height))
+        inside = ((xy >= margin * size) & (xy < (1 - margin) * size)).all(-1)
+        return xy, z, inside & (z > 0)
 
     def unproject(
         self, xy: Float[Tensor, "*b 2"], depth: Float[Tensor, "*b"]

@@ -188,9 +188,8 @@ def _looks_alike(other: Camera, camera: Camera, position: torch.Tensor) -> bool:
 def _disagreement(scene: Gaussians, camera: Camera, position: torch.Tensor) -> float | None:
     """Depth at which another view has a point, less the point's own; None where it does not see
     it."""
-    xy, depth = camera.project(position[None])
-    x, y, z = float(xy[0, 0]), float(xy[0, 1]), float(depth[0])
-    if z <= 0 or not (0 <= x < camera.width and 0 <= y < camera.height):
+    (x, y), depth, inside = camera.pictured(position)
+    if not inside:
         return None
-    seen = depth_at(scene, camera, x, y)
+    seen, z = depth_at(scene, camera, float(x), float(y)), float(depth)
     return seen - z if seen > 0 and abs(seen - z) <= SAME * z else None

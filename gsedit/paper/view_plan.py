@@ -239,7 +239,7 @@ def wholeness(
     """
     step = 1 + len(means) // MAX_PLANNED_GAUSSIANS
     means, weights = means[::step], weights[:, ::step]
-    framed = torch.stack([_framed(means, camera) for camera in cameras]).to(weights)
+    framed = torch.stack([camera.pictured(means, MARGIN)[2] for camera in cameras]).to(weights)
     share = framed.mean(0)
     most = float(share.max())
     focus = (share / most) ** FOCUS if most >= COMMON else torch.ones_like(share)
@@ -249,10 +249,3 @@ def wholeness(
     typical = shown.median() if len(shown) else area.new_ones(())
     whole = inside * (area / (SMALL * typical)).clamp(max=1)
     return whole / whole.max().clamp_min(1e-9)
-
-
-def _framed(means: Float[Tensor, "n 3"], camera: Camera) -> Bool[Tensor, " n"]:
-    """Flag centers that lie before the camera and within its picture, less a margin."""
-    xy, z = camera.project(means)
-    size = xy.new_tensor((camera.width, camera.height))
-    return (z > 0) & ((xy > MARGIN * size) & (xy < (1 - MARGIN) * size)).all(-1)

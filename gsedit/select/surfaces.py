@@ -257,9 +257,8 @@ def looking_at(
     reach = 2.0 * (camera.center.double() - point).norm()
 
     def looks(each: Camera) -> bool:
-        (x, y), depth = each.project(point)
-        inside = 0 <= x < each.width and 0 <= y < each.height and depth > 0
-        return bool(inside and (each.center.double() - point).norm() <= reach)
+        near = (each.center.double() - point).norm() <= reach
+        return bool(near and each.pictured(point)[2])
 
     return tuple(i for i, each in enumerate(cameras) if looks(each)) or tuple(range(len(cameras)))
 

@@ -161,10 +161,7 @@ def _pixels(
     view: SeenSurface, points: Float[Tensor, "p 3"]
 ) -> tuple[Bool[Tensor, " p"], tuple[Tensor, Tensor], Float[Tensor, " p"]]:
     """Whether points are in a view's picture, its rows and columns there, and their depths."""
-    camera = view.camera
-    xy, z = camera.project(points)
-    size = xy.new_tensor((camera.width, camera.height))
-    inside = (z > 0) & ((xy >= 0) & (xy < size)).all(-1)
+    xy, z, inside = view.camera.pictured(points)
     at = torch.where(inside[:, None], xy, 0).long()
     return inside, (at[:, 1], at[:, 0]), z.to(points)
 

@@ -245,9 +245,7 @@ def in_sight(
     points = center + distance[..., None] * cell_directions(ROWS).to(distance)
     found = torch.zeros_like(distance, dtype=torch.bool)
     for camera in cameras:
-        xy, z = camera.project(points)
-        size = xy.new_tensor((camera.width, camera.height))
-        found |= (z > 0) & ((xy >= 0) & (xy < size)).all(-1)
+        found |= camera.pictured(points)[2]
     around = torch.nn.functional.pad(found[None, None].to(distance), (2, 2, 0, 0), "circular")
     around = torch.nn.functional.pad(around, (0, 0, 2, 2), "replicate")
     return torch.nn.functional.avg_pool2d(around, 5, stride=1)[0, 0] * found

@@ -78,9 +78,7 @@ class SyntheticScene:
     def visible(self, points: Float[Tensor, "*b 3"], camera: Camera) -> Bool[Tensor, "*b"]:
         """Whether the camera sees these points: in front, in the picture, with nothing between."""
         points = points.to(torch.float64)
-        xy, z = camera.project(points)
-        size = xy.new_tensor((camera.width, camera.height))
-        visible = (z > 0) & ((xy >= 0) & (xy < size)).all(-1)
+        xy, z, visible = camera.pictured(points)
         depth = self._depth(
             camera, xy[visible], limit=z[visible] - 1e-6 * self.radius
         )  # not hidden by itself

@@ -132,10 +132,8 @@ def without_floaters(scene: Gaussians, cameras: Sequence[Camera]) -> Densified:
         if not (seen := depths[depths > 0]).numel():
             continue
         nearest = NEAR_SHARE * seen.quantile(PICTURE_BEGINS)
-        places, depth = camera.project(scene.means)
-        size = places.new_tensor((camera.width, camera.height))
-        inside = ((places >= 0) & (places < size)).all(-1)
-        kept &= ~(inside & (depth > 0) & (depth < nearest))
+        _, depth, inside = camera.pictured(scene.means)
+        kept &= ~(inside & (depth < nearest))
     origin = kept.nonzero().squeeze(-1)
     return Densified(scene[origin], origin, torch.zeros_like(origin, dtype=torch.bool))
 

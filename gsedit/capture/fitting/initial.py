@@ -85,9 +85,8 @@ def _inverse_depths(views: Sequence[View], points: Float[Tensor, "n 3"]) -> tupl
     inverse = []
     points = points[:: -(-len(points) // MEASURED_POINTS) or 1]
     for view in views[:: max(1, len(views) // 16)]:
-        xy, depth = view.camera.project(points.double())
-        size = xy.new_tensor((view.camera.width, view.camera.height))
-        inverse.append(1 / depth[(depth > 0) & (xy > 0).all(-1) & (xy < size).all(-1)])
+        _, depth, inside = view.camera.pictured(points.double())
+        inverse.append(1 / depth[inside])
     if sum(map(len, inverse)) < MIN_POINTS:
         near = 1 / _distance_to_focus(views)
         return near / 100, 3 * near

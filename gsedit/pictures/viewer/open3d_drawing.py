@@ -96,6 +96,4 @@ def driver_note(log: bytes) -> str:
 
 def in_reach(scene: Gaussians, camera: Camera) -> Bool[Tensor, " n"]:
     """Flag Gaussians that lie in front of the camera and not far beside its picture (BESIDE)."""
-    xy, depth = camera.project(scene.means.detach().double())
-    half = torch.tensor([camera.width, camera.height], dtype=torch.float64) / 2
-    return (depth > 0) & (((xy - half).abs() / half).amax(1) < BESIDE)
+    return camera.pictured(scene.means.detach().double(), (1 - BESIDE) / 2)[2]

@@ -184,9 +184,7 @@ def _shown(
 
 def _pixels(camera: Camera, points: Float[Tensor, "*c 3"]) -> tuple[Tensor, Tensor]:
     """The number of each point's pixel, and its depth: infinite outside the picture."""
-    xy, z = camera.project(points)
-    pixels = xy.new_tensor((camera.width, camera.height))
-    inside = (z > 0) & ((xy > MARGIN * pixels) & (xy < (1 - MARGIN) * pixels)).all(-1)
+    xy, z, inside = camera.pictured(points, MARGIN)
     column, row = torch.where(inside[..., None], xy, 0.0).long().unbind(-1)
     return row * camera.width + column, z.masked_fill(~inside, torch.inf)
 

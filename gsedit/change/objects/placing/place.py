@@ -263,9 +263,8 @@ def _to_cameras(body: Gaussians, up: Float[Tensor, "3"], cameras: Sequence[Camer
     middle, radius = middle_of(body, up), size_of(body) / 2
     near, seeing = 0, 0
     for camera in cameras:
-        (x, y), z = camera.project(middle)
         near += float((camera.center - middle).norm()) < radius
-        seeing += bool(z > 0 and 0 < x < camera.width and 0 < y < camera.height)
+        seeing += bool(camera.pictured(middle)[2])
     notes = list[str]()
     if near:
         told = f"{near} of {len(cameras)} cameras are in it or close"
