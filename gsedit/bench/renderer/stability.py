@@ -62,7 +62,7 @@ def camera(width: int = 40, height: int = 32, focal: float = 40.0) -> Camera:
 
 def gaussian(
     mean: tuple[float, float, float],
-    scales: tuple[float, float, float] = (0.1, 0.1, 0.1),
+    scales: tuple[float, float, float] | float = 0.1,
     quat: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0),
     opacity: float = 0.7,
     color: tuple[float, float, float] = (0.8, 0.4, 0.2),
@@ -71,7 +71,7 @@ def gaussian(
     return Gaussians(
         means=torch.tensor([mean], dtype=torch.float64),
         quats=torch.tensor([quat], dtype=torch.float64),
-        log_scales=torch.tensor([scales], dtype=torch.float64).log(),
+        log_scales=torch.tensor(scales, dtype=torch.float64).expand(1, 3).log(),
         logit_opacities=torch.tensor([opacity], dtype=torch.float64).logit(),
         sh=((torch.tensor([[color]], dtype=torch.float64) - 0.5) / SH_DC),
     )
@@ -234,23 +234,9 @@ def _layers() -> Gaussians:
     )
 
 
-def _opaque_crowd() -> Gaussians:
-    crowd = _crowd()
-    return replace(crowd, logit_opacities=torch.full_like(crowd.logit_opacities, inf))
-
-
-def _doubled() -> Gaussians:
-    crowd = _crowd()
-    return replace(crowd, means=crowd.means[torch.arange(CROWD) // 2 * 2])
-
-
-def _hidden() -> Gaussians:
-    crowd = _crowd()
-    return replace(crowd, means=-crowd.means)
-
-
-def _ball(scale: float) -> tuple[float, float, float]:
-    return scale, scale, scale
+def _moved(change: Callable[[Tensor], Tensor]) -> Callable[[torch.dtype], RenderInput]:
+    """The crowd with other positions."""
+    return _in_dtype(lambda: replace(_crowd(), means=change(_crowd().means)))
 
 
 def _logit(value: float) -> Gaussians:
@@ -259,7 +245,7 @@ def _logit(value: float) -> Gaussians:
 
 
 def _near(offset: float) -> Gaussians:
-    return gaussian((1e-3, 0.0, DEFAULT.near + offset), (1e-3, 1e-3, 1e-3))
+    return gaussian((1e-3, 0.0, DEFAULT.near + offset), 1e-3)
 
 
 def _strip(tall: bool) -> Callable[[torch.dtype], RenderInput]:
@@ -285,17 +271,17 @@ EDGE_CASES: tuple[EdgeCase, ...] = (
         gaussian((2.0, 0.0, 0.25), (1.0, 1.0, 1.0)),
     ),
     _one("1e20 before the camera", "the square of its distance is no float32; its direction is",
-         gaussian((1e19, 0.0, 1e20), _ball(1e16))),
+         gaussian((1e19, 0.0, 1e20), 1e16)),
     _one("color 1e30", "its gradients are as large",
          gaussian((0.1, 0.0, 2.0), (0.3, 0.2, 0.1), color=(1e30, 0.0, 1e-30))),
-    _one("scale 1e-12", "a square below every float32", gaussian((0.1, 0.0, 2.0), _ball(1e-12))),
+    _one("scale 1e-12", "a square below every float32", gaussian((0.1, 0.0, 2.0), 1e-12)),
     _one("scale 0", "log-scale -inf: a point, kept in sight by the blur",
-         gaussian((0.1, 0.0, 2.0), _ball(0.0))),
-    _one("scale 1e6", "determinants of 1e29 pixels^4", gaussian((0.1, 0.0, 2.0), _ball(1e6))),
+         gaussian((0.1, 0.0, 2.0), 0.0)),
+    _one("scale 1e6", "determinants of 1e29 pixels^4", gaussian((0.1, 0.0, 2.0), 1e6)),
     _one("scale 1e12", "the determinant overflows float32, the covariance does not",
-         gaussian((0.1, 0.0, 2.0), _ball(1e12))),
+         gaussian((0.1, 0.0, 2.0), 1e12)),
     _one("scale 1e6 far aside", "its center is 2e7 pixels off the picture",
-         gaussian((1e6, 3e5, 2.0), _ball(1e6))),
+         gaussian((1e6, 3e5, 2.0), 1e6)),
     _one("scales 1e-12 to 1e6", "sizes of 18 orders of magnitude in one Gaussian",
          gaussian((0.1, 0.0, 2.0), (1e-12, 1e6, 1e4), (0.9, 0.3, -0.2, 0.1))),
     _one("covers the screen", "touches every tile", gaussian((0.0, 0.0, 2.0), (20.0, 20.0, 0.1))),
@@ -319,7 +305,7 @@ EDGE_CASES: tuple[EdgeCase, ...] = (
     _one("logit 50", "1 - opacity is 0 in every dtype", _logit(50.0)),
     _one("logit -50", "far below the floor of alpha", _logit(-50.0)),
     EdgeCase("all of opacity 1", "every alpha at the cap near its center",
-             _in_dtype(_opaque_crowd)),
+             _in_dtype(lambda: replace(_crowd(), logit_opacities=_crowd().logit_opacities + inf))),
     _one("zero quaternion", "the identity, without gradient",
          gaussian((0.1, 0.0, 2.0), (0.4, 0.05, 0.1), (0.0, 0.0, 0.0, 0.0))),
     EdgeCase("denormal quaternion", "its square is 0, its direction is not; its gradient would "
@@ -335,7 +321,7 @@ EDGE_CASES: tuple[EdgeCase, ...] = (
     EdgeCase("100,000 layers", "deep in one pixel: the transmittance falls to 0",
              _in_dtype(_layers, camera(1, 1, focal=1.0))),
     EdgeCase("positions twice", "two Gaussians at each position, as in real captures: the sort is "
-             "stable", _in_dtype(_doubled)),
+             "stable", _moved(lambda means: means[torch.arange(CROWD) // 2 * 2])),
     EdgeCase("focal length 1", "all on one pixel", _in_dtype(_crowd, camera(focal=1.0))),
     EdgeCase("focal length 1e6", "a picture of 4e-5 radians beside the axis: float32 rounds x/z by "
              "a tenth of a pixel", _telescope),
@@ -345,7 +331,7 @@ EDGE_CASES: tuple[EdgeCase, ...] = (
     EdgeCase("1 x 1024 pixels", "a column of tiles that are empty but for one line of pixels",
              _strip(tall=True)),
     EdgeCase("empty scene", "the background, and no error", _in_dtype(lambda: _crowd()[:0])),
-    EdgeCase("nothing visible", "backward must still work", _in_dtype(_hidden)),
+    EdgeCase("nothing visible", "backward must still work", _moved(lambda means: -means)),
     *(_bad_value(name, value) for name in ("means", "quats", "sh") for value in (nan, inf, -inf)),
     *(_bad_value("log_scales", value) for value in (nan, inf, 1e3)),
     _bad_value("logit_opacities", nan),
