@@ -12,7 +12,7 @@ from closeness import EPS32
 from gsedit.paper.consistency.consensus import consensus
 from gsedit.paper.diffusion.sampler import SamplerStep, sample
 from gsedit.paper.diffusion.settings import SamplerSettings
-from gsedit.paper.editors.protocol import for_settings, levels_for
+from gsedit.paper.editors.protocol import levels_for
 from gsedit.paper.models.model import Model
 
 PROMPT = "make it snow"
@@ -23,7 +23,7 @@ def run(
     model: Model, pictures: torch.Tensor, start: torch.Tensor, settings: SamplerSettings, **options
 ) -> Iterator[SamplerStep]:
     """The sampler's steps from this noise, at the model's own levels and guidance."""
-    settings = for_settings(model, settings)
+    settings = settings.with_defaults(model.capabilities.defaults)
     condition = model.condition(pictures, PROMPT, torch.Generator())
     levels = levels_for(model, settings, (start.shape[2], start.shape[3]))
     return sample(model, condition, start, settings, levels=levels, **options)

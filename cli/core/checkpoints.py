@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 from gsedit.errors import GseditError, UsageError
 from gsedit.run.atomic import locked
 
-from .command import option
 from .console import print_message
 from .exits import Interrupted
 
@@ -22,17 +21,6 @@ if TYPE_CHECKING:
 
 NAME = "checkpoint.safetensors"
 """Name of the checkpoint in the folder of an edit."""
-
-
-@dataclass(frozen=True)
-class Resumes:
-    """Options of a verb whose long work can be continued."""
-
-    force: bool = option(False, flags="--force -f")
-    """Replace files that exist at the output."""
-    resume: bool = option(False)
-    """Continue an interrupted run of this command from its last checkpoint; begin where there is
-    none."""
 
 
 @dataclass

@@ -65,6 +65,15 @@ class Writes:
 
 
 @dataclass(frozen=True)
+class Resumes(Writes):
+    """Options of a verb whose long work can be continued."""
+
+    resume: bool = option(False)
+    """Continue an interrupted run of this command from its last checkpoint; begin where there is
+    none."""
+
+
+@dataclass(frozen=True)
 class Folder(Writes):
     """Output of a verb that writes a folder."""
 

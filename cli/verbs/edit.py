@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from gsedit.errors import Said, UsageError
 
-from ..core.checkpoints import NAME, Checkpoints, Resumes, load_resume_state, say_threads
+from ..core.checkpoints import NAME, Checkpoints, load_resume_state, say_threads
 from ..core.command import Seeded, Settings, Values, argument, option, shows, with_values
 from ..core.console import print_message, print_result
 from ..core.kernel import RENDERS, UPDATES, say_kernel
 from ..core.outputs import check_folder
 from ..core.progress import progress, result_of, stage_table
 from ..options.cameras import ViewOptions, resolve_cameras
-from ..options.common import Reads, Scene, load_features, load_scene
+from ..options.common import Reads, Resumes, Scene, load_features, load_scene
 from ..options.editors import (
     AUTO,
     OBJECTS,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from gsedit.capture.fitting.settings import LEAST_STEPS, QUALITIES, FitSettings
 
-from ..core.checkpoints import Checkpoints, Resumes, load_resume_state, say_threads
+from ..core.checkpoints import Checkpoints, load_resume_state, say_threads
 from ..core.command import (
     Seeded,
     Setting,
@@ -27,7 +27,7 @@ from ..core.kernel import FITS, say_kernel
 from ..core.outputs import check_scene_file
 from ..core.progress import progress, result_of
 from ..options.cameras import load_photos
-from ..options.common import Reads, load_scene
+from ..options.common import Reads, Resumes, load_scene
 
 if TYPE_CHECKING:
     from gsedit.capture.fitting.fit import FitResult

@@ -224,10 +224,6 @@ class Looking:
     coarse: bool = False
     """Whether the scene holds groups of Gaussians: no discs are laid on them."""
 
-    def seen(self, scene: Gaussians) -> Float[Tensor, " n"] | None:
-        """How many pixels of small pictures each Gaussian fills; None without cameras."""
-        return seen_weights(scene, self.cameras)
-
 
 Painter = Callable[[Gaussians, Sequence[Change], Flags, Looking], Outcome]
 
@@ -269,7 +265,7 @@ def paint_material(
         raise UsageError(
             f"there is no material {change.name!r}: gsedit list looks shows what there is"
         )
-    seen, shown = looking.seen(scene), flags.get("shown")
+    seen, shown = seen_weights(scene, looking.cameras), flags.get("shown")
     return in_material(
         scene, inside, material, looking.cameras, seen, shown,
         discs=not looking.coarse,
@@ -280,7 +276,7 @@ def paint_light(scene: Gaussians, run: Sequence[Change], flags: Flags, looking: 
     """Light a part anew, from sides as the cameras see them."""
     (change,), inside = run, _inside(run[0], flags)
     color = None if change.color is None else parse_hex(change.color)
-    setup, seen = setup_of(change.name, change.amount, color), looking.seen(scene)
+    setup, seen = setup_of(change.name, change.amount, color), seen_weights(scene, looking.cameras)
     lit = relit(scene, setup, looking.cameras, seen, inside)
     return _recolored(lit, inside, *_light_notes(scene, looking))
 
@@ -296,7 +292,7 @@ def paint_scenery(
         with cached(scene), suppress(UsageError):  # it may lie nowhere
             some = None if shown.all() else shown
             return grow(scene, FALLS[change.name], cameras=looking.cameras, shown=some)
-    seen = looking.seen(scene)
+    seen = seen_weights(scene, looking.cameras)
     made = in_scenery(scene, change.name, looking.cameras, seen, inside)
     lit = SCENERIES[change.name].light is not None  # autumn brings none
     return _recolored(made, inside, *(_light_notes(scene, looking) if lit else ()))
@@ -338,7 +334,7 @@ def _recolored(scene: Gaussians, inside: Bool[Tensor, " n"], *notes: str) -> Out
 
 def _light_notes(scene: Gaussians, looking: Looking) -> tuple[str, ...]:
     """Remark on what of a scene another light hardly reaches, if there is any."""
-    seen = looking.seen(scene)
+    seen = seen_weights(scene, looking.cameras)
     note = light_note(scene, place_of(scene, looking.cameras, seen), seen)
     return () if note is None else (note,)
 

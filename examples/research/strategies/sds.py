@@ -9,10 +9,9 @@ from jaxtyping import Float
 from torch import Tensor
 
 from gsedit.errors import UsageError
-from gsedit.paper.diffusion.guidance import as_pair, predict_guided
+from gsedit.paper.diffusion.guidance import Guided, as_pair
 from gsedit.paper.diffusion.sampler import add_noise
 from gsedit.paper.edit_views import batch_of
-from gsedit.paper.editors.protocol import for_settings
 from gsedit.paper.editors.sampling import Counted, padded
 from gsedit.paper.session import Session
 from gsedit.views.image_ops import pad_to_multiple
@@ -44,10 +43,10 @@ class Sds(Descent):
     ) -> tuple[Float[Tensor, ""], float]:
         """(loss with the gradient of score distillation, mean of w(t) (eps_hat - eps)^2)."""
         request, generator = session.request, session.request.generator
-        own = request.editor.capabilities.denoiser
-        if own is None:
+        denoiser = request.editor.capabilities.denoiser
+        if denoiser is None:
             raise UsageError(f"score distillation needs a diffusion model: {request.editor.name}")
-        denoiser, sampler = own, for_settings(own, request.settings.sampler)
+        sampler = request.settings.sampler.with_defaults(denoiser.capabilities.defaults)
         whole = padded(batch_of(session, (view,), start={view: image.detach()}), denoiser)
         z = denoiser.encode(pad_to_multiple(image[None], denoiser.multiple, denoiser.padding))
         share = LEAST_NOISE + (MOST_NOISE - LEAST_NOISE) * float(
@@ -59,7 +58,7 @@ class Sds(Descent):
             x = add_noise(z, noise, level)
             condition = denoiser.condition(whole.originals, whole.prompt, generator)
             counted = Counted(denoiser)
-            guided = predict_guided(counted, condition, x, level, sampler)
+            guided = Guided(counted, condition, sampler)(x, level)
             error = as_pair(denoiser.predicts, guided, x, level).eps - noise
         session.progress.work.evaluations += counted.evaluations
         weight, variance = level.b**2, z.detach().var().clamp_min(MIN_LATENT_VARIANCE)

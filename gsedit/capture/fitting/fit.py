@@ -317,7 +317,8 @@ class _Fit:
         optimizer.hold_shapes(self.pixels)
         self.budget.step += 1
         self.work += self.costs[self._level]
-        self._count_loss(loss.item() / self.batch)
+        mean = loss.item() / self.batch
+        self.loss = mean if self.loss is None else LOSS_DECAY * self.loss + (1 - LOSS_DECAY) * mean
 
     def _loss(self, scene: Gaussians, view: View, background: Float[Tensor, "3"]) -> Tensor:
         """Loss of one photo."""
@@ -328,12 +329,6 @@ class _Fit:
         picture, photo = supervised(picture, photo, view.mask)
         compiled = is_compiled(settings.execution)
         return photometric(picture, photo, settings.dssim_weight, compiled=compiled)
-
-    def _count_loss(self, value: float) -> None:
-        """The running mean starts at the first value."""
-        if self.loss is not None:
-            value = LOSS_DECAY * self.loss + (1 - LOSS_DECAY) * value
-        self.loss = value
 
     def _next_view(self) -> View:
         """A photo as coarse as the budget says; each once in a random order, then anew."""

@@ -206,13 +206,6 @@ class Guided:
         return guided
 
 
-def predict_guided(
-    denoiser: Predictor, condition: Any, x: Latents, level: NoiseLevel, settings: SamplerSettings
-) -> Latents:
-    """One guided prediction, in the dtype of x. Raises UsageError if it is not finite."""
-    return Guided(denoiser, condition, settings)(x, level)
-
-
 def branches_of(levels: Sequence[NoiseLevel], settings: SamplerSettings) -> list[int]:
     """How many branches each prediction of a sampling between these levels computes."""
     asked: list[NoiseLevel] = []

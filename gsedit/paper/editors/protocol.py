@@ -253,8 +253,3 @@ def levels_for(
     """The levels that a denoiser steps between, for pictures of `cells` (rows, columns)."""
     levels = denoiser.capabilities.levels
     return levels(settings, cells) if levels else levels_of(denoiser.schedule, settings)
-
-
-def for_settings(denoiser: Denoiser, settings: SamplerSettings) -> SamplerSettings:
-    """The settings without None."""
-    return settings.with_defaults(denoiser.capabilities.defaults)

@@ -20,11 +20,11 @@ from gsedit.paper.consistency.consensus import consensus, share_noise
 from gsedit.paper.diffusion.guidance import (
     Around,
     Branches,
+    Guided,
     Need,
     Predictor,
     branches_of,
     needed,
-    predict_guided,
 )
 from gsedit.paper.diffusion.precision import InBfloat16, most_bytes, with_precision
 from gsedit.paper.diffusion.sampler import Anchor, Hook, add_noise, sample
@@ -35,7 +35,6 @@ from gsedit.paper.editors.protocol import (
     Denoiser,
     EditBatch,
     EditProgress,
-    for_settings,
     levels_for,
 )
 from gsedit.views.image_ops import pad_to, pad_to_multiple, round_up
@@ -85,7 +84,8 @@ class DiffusionEditor:
         """
         self.check(batch.prompt)
         _check_shapes(batch)
-        denoiser, settings = self.denoiser, for_settings(self.denoiser, settings)
+        denoiser = self.denoiser
+        settings = settings.with_defaults(denoiser.capabilities.defaults)
         if batch.anchored is not None and batch.anchored.all():
             yield EditProgress(settings.step_count, settings.step_count, batch.images.clone())
             return
@@ -119,7 +119,8 @@ class DiffusionEditor:
         """The cost of a view of such a batch, measured by evaluating the network. Draws nothing
         from anyone's generator. Raises what `edit` raises."""
         self.check(batch.prompt)
-        denoiser, settings = self.denoiser, for_settings(self.denoiser, settings)
+        denoiser = self.denoiser
+        settings = settings.with_defaults(denoiser.capabilities.defaults)
         whole = padded(batch, self.denoiser)
         z0 = denoiser.encode(whole.images)
         rows, columns = z0.shape[2:]
@@ -133,8 +134,7 @@ class DiffusionEditor:
         _, encode_s = _timed(lambda: denoiser.encode(whole.images[:1]))
         _, decode_s = _timed(lambda: denoiser.decode(x[:1]))
         (_, first), (_, second) = (  # the first may compile
-            _timed(lambda: predict_guided(predictor, condition, x, levels[0], settings))
-            for _ in range(2)
+            _timed(lambda: Guided(predictor, condition, settings)(x, levels[0])) for _ in range(2)
         )
         evaluations = len(x) * sum(needed(*settings.scales))
         return Cost(
@@ -174,7 +174,7 @@ def prepared(
         def predict(predictor: Predictor) -> Tensor:
             nonlocal spent
             spent += sum(needed(*settings.scales))
-            return predict_guided(predictor, condition, x[:1], first, settings)
+            return Guided(predictor, condition, settings)(x[:1], first)
 
         known[key] = with_precision(denoiser, predict, settings.precision) is not denoiser
     return (InBfloat16(denoiser) if known[key] else denoiser), spent

@@ -61,9 +61,6 @@ class Layer:
     tinted: bool | None = None
     """Shown only with the region tinted (True), only without (False), or always (None)."""
 
-    def is_shown(self, scene: str, tinted: bool) -> bool:
-        return scene in self.scenes and self.tinted in (None, tinted)
-
 
 def splats_of(scene: Gaussians) -> Splats:
     """Centers, covariances, base colors and opacities, float32."""
@@ -132,7 +129,9 @@ def _split(
 
 def shown_layers(layers: Sequence[Layer], scene: str, tinted: bool) -> list[str]:
     """The names of the layers that are visible in one state of the page."""
-    return [layer.name for layer in layers if layer.is_shown(scene, tinted)]
+    return [
+        layer.name for layer in layers if scene in layer.scenes and layer.tinted in (None, tinted)
+    ]
 
 
 LOCALHOST = "127.0.0.1"

@@ -16,7 +16,7 @@ from tiny_models import PROMPT, SD
 from gsedit.errors import InputError
 from gsedit.paper.diffusion.sampler import sample
 from gsedit.paper.diffusion.settings import SamplerSettings
-from gsedit.paper.editors.protocol import for_settings, levels_for
+from gsedit.paper.editors.protocol import levels_for
 from gsedit.paper.models.loading import load_model
 from gsedit.paper.models.stable_diffusion import noise_of
 
@@ -54,7 +54,7 @@ def test_the_last_latents_equal_diffusers(pipeline, folder, tmp_path, changes):
     asked = SamplerSettings(
         steps=2, guidance_text=5.0, guidance_image=1.5, strength=1.0, consensus=False
     )
-    settings = for_settings(model, asked)
+    settings = asked.with_defaults(model.capabilities.defaults)
     condition = model.condition(pictures, PROMPT, torch.Generator())
     levels = levels_for(model, settings, CELLS)
     *_, last = sample(model, condition, start, settings, levels=levels)
@@ -69,7 +69,8 @@ def test_spacings_are_the_scheduler_s(folder, tmp_path):
     for number, scheduler in enumerate((trailing, karras)):
         model = load_model(scheduled(folder, tmp_path / str(number), scheduler))
         scheduler.set_timesteps(7)
-        asked = for_settings(model, SamplerSettings(steps=7, strength=1.0))
+        asked = SamplerSettings(steps=7, strength=1.0)
+        asked = asked.with_defaults(model.capabilities.defaults)
         found.append(levels_for(model, asked, CELLS))
     assert [level.t for level in found[0][:-1]] == trailing.timesteps.tolist()
     sigmas = torch.tensor([level.sigma for level in found[1]])

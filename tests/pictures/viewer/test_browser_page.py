@@ -57,8 +57,8 @@ def test_covariances_are_those_of_the_gaussians():
 @pytest.mark.parametrize("tinted", [False, True])
 def test_every_state_shows_each_gaussian_once(scene, tinted):
     page = some_page()
-    shown = [layer for layer in page.layers if layer.is_shown(scene, tinted)]
-    means = np.concatenate([layer.splats.means for layer in shown])
+    shown = browser.shown_layers(page.layers, scene, tinted)
+    means = np.concatenate([layer.splats.means for layer in page.layers if layer.name in shown])
     assert sorted(map(tuple, means.tolist())) == sorted(map(tuple, ball(200).means.tolist()))
     # 30 Gaussians changed, all in the region of 50: the other 150 are in the page once
     assert {layer.name: len(layer.splats) for layer in page.layers} == {
