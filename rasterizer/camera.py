@@ -46,6 +46,11 @@ class Camera:
         """The viewing direction in the world, unit length."""
         return self.world_to_camera[2, :3]
 
+    @property
+    def longest(self) -> int:
+        """Pixels of the longer side."""
+        return max(self.width, self.height)
+
     def resized(self, width: int, height: int) -> Camera:
         """View from here on another pixel grid."""
         x, y = width / self.width, height / self.height
@@ -61,8 +66,11 @@ class Camera:
 
     def fitted(self, size: int) -> Camera:
         """View from here with `size` pixels on its longer side; no larger than it is."""
-        scale = min(1.0, size / max(self.width, self.height))
-        return self.resized(*(max(1, round(side * scale)) for side in (self.width, self.height)))
+        return self.scaled(min(1.0, size / self.longest))
+
+    def scaled(self, factor: float) -> Camera:
+        """View from here on so many times the pixels a side."""
+        return self.resized(*(max(1, round(side * factor)) for side in (self.width, self.height)))
 
     def project(
         self, points: Float[Tensor, "*b 3"]

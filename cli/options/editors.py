@@ -84,18 +84,9 @@ class EditorOptions:
         from gsedit.paper.editors import make_editor
         from gsedit.paper.editors.protocol import following
 
-        editor = make_editor(
-            self.settled().editor,
-            like=self.like,
-            strength=self.strength,
-            keep_colors=self.keep_colors or None,
-            model=self.model,
-            runtime=self.runtime,
-            run=self.run,
-            timeout=self.timeout,
-            folder=out / "command",
-            precision=precision,
-        )
+        given = {**vars(self.settled()), "keep_colors": self.keep_colors or None}
+        name, folder = given.pop("editor"), out / "command"
+        editor = make_editor(name, **given, folder=folder, precision=precision)
         if step is not None:
             following(editor, step)
         return editor

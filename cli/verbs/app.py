@@ -81,7 +81,7 @@ def run_page(path: Path | None, own: AppOptions) -> None:
             print_result({"address": served.address}, served.address)
             if not own.no_browser:
                 webbrowser.open(served.address)
-            start_later(page.warm)
+            start_later(page.worker.warm)
             wait()
     finally:
         page.close()

@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     from gsedit.views.viewpoints import Viewpoint
     from rasterizer.scene import Gaussians
 
+UNWRITTEN = "nothing was written (--dry-run)"
+
 
 @dataclass(frozen=True)
 class SelectOptions(Reads, Writes):
@@ -93,8 +95,7 @@ def select(
     if written is not None:
         write_flags(flags, written, overwrite=own.force)
     record = {"scene": scene, "output": written, "selected": count, "gaussians": total}
-    text = str(written) if written else "nothing was written (--dry-run)"
-    print_result(record, text)
+    print_result(record, str(written or UNWRITTEN))
 
 
 def select_thing(
@@ -116,8 +117,7 @@ def select_thing(
     written = [] if own.dry_run else save_thing(found, scene, gaussians, views, own)
     count, total = int(found.inside.sum()), len(found.inside)
     record = {"scene": scene, "output": written, "selected": count, "gaussians": total}
-    text = "\n".join(map(str, written)) or "nothing was written (--dry-run)"
-    print_result({**record, "note": found.note}, text)
+    print_result({**record, "note": found.note}, "\n".join(map(str, written)) or UNWRITTEN)
 
 
 def check_thing(

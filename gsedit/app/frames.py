@@ -282,8 +282,7 @@ class Painter(Loop):
         return max(self._moved + REST - time.monotonic(), 0.01)
 
     def _paint(self, camera: Camera, full: bool) -> None:
-        longest = max(camera.width, camera.height)
-        most = min(longest, MOST_SIDE)
+        most = min(camera.longest, MOST_SIDE)
         side = float(most) if full else min(self.rate.side, float(most))
         began = time.perf_counter()
         picture = self.draw(camera.fitted(round(side)))

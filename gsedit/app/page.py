@@ -314,38 +314,21 @@ class Page(Audience):
         self,
         command: Sequence[str],
         title: str,
-        done: Callable[[dict[str, Any]], None] | None = None,
+        done: Done | None = None,
         checkpoint: Path | None = None,
         pending: Pending | None = None,
     ) -> None:
-        """Run a command that is no step; `done` is given the record of its result, in a thread.
+        """Run a command; `done` is given the record of its result, in a thread.
 
         While it runs, the scene of its `checkpoint` is shown; where it is killed, the document has
-        `pending` to go on with. Raises UsageError where a command is in hand.
+        `pending` to go on with (None: what waits there goes on to wait). Raises UsageError where a
+        command is in hand.
         """
-        self._start(pending, command, title, done or (lambda record: None), checkpoint)
-
-    def cancel(self) -> None:
-        """End the command in hand; what was done before is kept."""
-        self.worker.cancel()
-
-    def _begin(self, pending: Pending, after: Callable[[], None] | None) -> None:
-        done, checkpoint = (
-            partial(self._stepped, pending, after),
-            folder_of_step(pending) / CHECKPOINT,
-        )
-        self._start(pending, pending.command, pending.title, done, checkpoint)
-
-    def _start(
-        self, pending: Pending | None, command: Sequence[str], title: str, done: Done,
-        checkpoint: Path | None,
-    ) -> None:  # fmt: skip
-        """Begin a command, and note in the document what goes on where it is killed, until it
-        fails. None: what waits there goes on to wait."""
 
         def ended(record: dict[str, Any]) -> None:
             self.growing = None
-            done(record)
+            if done is not None:
+                done(record)
 
         with self._lock:
             self.worker.check_idle()
@@ -355,6 +338,11 @@ class Page(Audience):
                 self.save()
             self._checkpoint, self.about = (checkpoint, 0), 0.0
             self.worker.begin(command, title, ended, partial(self._failed, pending))
+
+    def _begin(self, pending: Pending, after: Callable[[], None] | None) -> None:
+        done = partial(self._stepped, pending, after)
+        checkpoint = folder_of_step(pending) / CHECKPOINT
+        self.run(pending.command, pending.title, done, checkpoint, pending)
 
     def _worked(self) -> None:
         """Show the checkpoint of the command in hand where it is new, and tell how far that is."""
@@ -399,10 +387,6 @@ class Page(Audience):
         self.change(documents.applied(self.document, step))
         if after is not None:
             after()
-
-    def warm(self) -> None:
-        """Prepare the process of the first command."""
-        self.worker.warm()
 
     def close(self) -> None:
         """End the work and leave the session, which can be opened again where it is."""

@@ -135,7 +135,7 @@ def preview_edited(
     editor = following(editor, step)
     sampler = sampler or SamplerSettings()
     before = render_picture(scene, camera)
-    declared, longest = editor.capabilities, max(camera.width, camera.height)
+    declared, longest = editor.capabilities, camera.longest
     size = size or declared.best_size or longest
     if size > longest and declared.enlarges:
         shown = render_picture(scene, edit_camera(camera, size))[None]

@@ -58,7 +58,6 @@ from gsedit.measures.metrics import (
 )
 from gsedit.run.environment import environment
 from gsedit.views.dataset import evenly_spaced
-from rasterizer.camera import Camera
 from rasterizer.render import Rendering, render, render_picture
 
 Progress = Callable[[int, int], None]
@@ -219,7 +218,8 @@ def _points(subject: EvaluationInput) -> dict[PicturesOf, PairComparison | str]:
     }
     every = sorted({pair for each in pairs.values() for pair in each})
     chosen = {i: MeasuredView(subject, i) for i in sorted({i for pair in every for i in pair})}
-    large = {i: _at_least(cameras[i], MATCHED_PIXELS) for i in chosen}
+    larger = {i: max(1.0, MATCHED_PIXELS / cameras[i].longest) for i in chosen}
+    large = {i: cameras[i].scaled(factor) for i, factor in larger.items()}
     pictures = {i: render_picture(scene, large[i]) for i in chosen}
     matches = subject.matcher(pictures, large, every) if every else {}
     before = {i: view.unedited for i, view in chosen.items()}
@@ -233,12 +233,6 @@ def _points(subject: EvaluationInput) -> dict[PicturesOf, PairComparison | str]:
         for kind in pairs
         if pairs[kind]
     }  # fmt: skip
-
-
-def _at_least(camera: Camera, size: int) -> Camera:
-    """The camera with `size` pixels on its longer side, if it has fewer."""
-    scale = max(1.0, size / max(camera.width, camera.height))
-    return camera.resized(round(camera.width * scale), round(camera.height * scale))
 
 
 def _missing(

@@ -325,7 +325,7 @@ def mesh(
     chosen = _views(alone, cameras)
     survey = _survey(alone, chosen, inside is not None)
     ball, voxel = survey.ball, survey.voxel
-    views = [_scaled(camera, survey.pixel / voxel) for camera in chosen]
+    views = [each.scaled(min(survey.pixel / voxel, MOST_PIXELS / each.longest)) for each in chosen]
     surfaces = [survey.of(seen_surface(alone, camera)) for camera in views]
     found, voxel = fuse(surfaces, ball, voxel)
     found = without_crumbs(found)
@@ -380,7 +380,7 @@ def _survey(scene: Gaussians, cameras: Sequence[Camera], whole: bool) -> _Survey
     if not held.any():
         raise UsageError("the views show haze and no surface: add --region")
     pixel = float(sides[held].median())
-    longest = max(max(camera.width, camera.height) for camera in cameras)
+    longest = max(camera.longest for camera in cameras)
     voxel = max(FINENESS * float(spread[held].median()), pixel * longest / MOST_PIXELS)
     return _Survey(ball, voxel, pixel, backdrop)
 
@@ -419,13 +419,6 @@ def _ball(
     if not len(held):
         return first
     return Ball(center, min(most, MARGIN * float(held[int(REACHED * (len(held) - 1))])), usual)
-
-
-def _scaled(camera: Camera, factor: float) -> Camera:
-    """The view on so many times the pixels, at most MOST_PIXELS on its longer side."""
-    longest = max(camera.width, camera.height)
-    factor = min(factor, MOST_PIXELS / longest)
-    return camera.resized(*(max(1, round(factor * s)) for s in (camera.width, camera.height)))
 
 
 GREY = 0.5

@@ -185,7 +185,7 @@ def _with_defaults(
     if isinstance(editor, StylePainter) and batches is None:
         batches = editor.stroke_batches
     keeps = settings.condition == "photo" or not declared.enlarges
-    if size and keeps and size >= max(camera.width, camera.height):
+    if size and keeps and size >= camera.longest:
         size = None  # the views' own
     sampler = settings.sampler.with_defaults(declared.defaults)
     return replace(settings, sampler=sampler, edit_size=size, batches=batches)

@@ -115,13 +115,10 @@ def render_with_depth(scene: Gaussians, camera: Camera) -> Rendering:
 
 def edit_camera(camera: Camera, edit_size: int | None) -> Camera:
     """The camera at the size at which its view is edited; itself where that is its own size."""
-    longest = max(camera.width, camera.height)
-    if edit_size is None or edit_size == longest:
+    if edit_size is None or edit_size == camera.longest:
         return camera
-    width, height = (
-        max(1, round(side * edit_size / longest)) for side in (camera.width, camera.height)
-    )
-    return camera.resized(width, height)
+    sides = (round(side * edit_size / camera.longest) for side in (camera.width, camera.height))
+    return camera.resized(*(max(1, side) for side in sides))
 
 
 @dataclass(eq=False)

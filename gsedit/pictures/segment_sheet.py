@@ -51,12 +51,10 @@ def _sheet(
 ) -> Image.Image:
     """Pictures of at most VIEWS views in rows, each over its name."""
     chosen = [viewpoints[i] for i in evenly_spaced(len(viewpoints), VIEWS)]
-    return captioned([(each.name, draw_view(_sized(each.camera))) for each in chosen], COLUMNS)
-
-
-def _sized(camera: Camera) -> Camera:
-    scale = CELL / max(camera.width, camera.height)
-    return camera.resized(*(round(scale * side) for side in (camera.width, camera.height)))
+    return captioned(
+        [(each.name, draw_view(each.camera.scaled(CELL / each.camera.longest))) for each in chosen],
+        COLUMNS,
+    )
 
 
 def _view(scene: Gaussians, segments: Segments, told: Sequence[str], camera: Camera) -> Image.Image:

@@ -115,7 +115,7 @@ def _in_cells(camera: Camera, part: Gaussians, cell: float) -> Camera:
     _, depth = camera.project(part.means)
     near = depth[depth > 0]
     pixel = float(near.median()) / camera.fx if len(near) else cell
-    share = min(FINER * pixel / cell, 1024 / max(camera.width, camera.height))
+    share = min(FINER * pixel / cell, 1024 / camera.longest)
     return camera.resized(*(max(16, round(share * each)) for each in (camera.width, camera.height)))
 
 

@@ -16,7 +16,7 @@ pytestmark = pytest.mark.skipif(chromium() is None, reason="there is no Chromium
 
 def test_open_click_type_apply_undo_and_export(scene, tmp_path):
     page = make_page(tmp_path, (sys.executable, "-m", "gsedit_cli.core.warm"))
-    page.warm()
+    page.worker.warm()
     open_path(page, scene)
     try:
         with served(page) as found, browser() as opened:

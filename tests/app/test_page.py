@@ -90,7 +90,7 @@ def test_one_command_at_a_time_which_can_be_cancelled(opened):
         with pytest.raises(UsageError, match="slow"):
             action()
     time.sleep(0.3)
-    opened.cancel()
+    opened.worker.cancel()
     idle(opened)
     until(lambda: ear.told)
     assert "cancelled" in ear.told[0]
@@ -108,7 +108,7 @@ def test_a_killed_page_is_reopened_where_it_was(opened, scene, tmp_path):
     written = (opened.folder / documents.NAME).read_text()
     with pytest.raises(UsageError, match="open in another gsedit app"):
         open_path(make_page(tmp_path), scene)
-    opened.cancel()
+    opened.worker.cancel()
     idle(opened)
     opened.close()
     (opened.folder / documents.NAME).write_text(written)  # as it was when all was killed

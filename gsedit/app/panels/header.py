@@ -61,7 +61,7 @@ def add(page: Page, tab: Tab) -> None:
             bar.value = 100 * (timed if work.share is None else work.share)
         show_state()
 
-    cancel.on_click(tab.safely(lambda _: page.cancel()))
+    cancel.on_click(tab.safely(lambda _: page.worker.cancel()))
     again.on_click(tab.safely(lambda _: go_on(page)))
     add_receiving(page, tab, upload)
     for what in ("scene", "selection", "document"):

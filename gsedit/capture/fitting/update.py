@@ -243,7 +243,7 @@ def _masks_of(patches: Sequence[tuple[View, Box]]) -> Bool[Tensor, "b y x"] | No
 
 def coarse(view: View) -> View:
     """The view halved until its longer side is below twice COARSE_SIZE; itself where it is."""
-    size = max(view.camera.width, view.camera.height)
+    size = view.camera.longest
     factor = 1
     while size // (2 * factor) >= COARSE_SIZE:
         factor *= 2

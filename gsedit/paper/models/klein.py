@@ -186,7 +186,7 @@ def load(parts: Parts) -> Klein:
     return Klein(
         transformer=parts.network("transformer"),
         vae=parts.network("vae"),
-        text_encoder=parts.text_network("text_encoder", _used),
+        text_encoder=TextNetwork(lambda: _used(parts.network("text_encoder"))),
         tokenizer=parts.tokenizer("tokenizer"),
         scheduler=scheduler,
         schedule=Schedule.rectified_flow(scheduler.config.num_train_timesteps),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib import import_module
@@ -24,7 +24,7 @@ from gsedit.paper.models.hub import (
     require,
     settings_in,
 )
-from gsedit.paper.models.model import Model, TextNetwork
+from gsedit.paper.models.model import Model
 
 DTYPES = {"F32": torch.float32, "F16": torch.float16, "BF16": torch.bfloat16}
 """By their names in the headers of safetensors files."""
@@ -93,12 +93,6 @@ class Parts:
                 f"({wrong[0]}): the two are of different models; download both again"
             )
         return network.eval().requires_grad_(False)  # score distillation needs none of weights
-
-    def text_network(
-        self, name: str, used: Callable[[Any], Any] = lambda each: each
-    ) -> TextNetwork:
-        """A text encoder, of which `used` gives the part that is looked at."""
-        return TextNetwork(lambda: used(self.network(name)))
 
     def tokenizer(self, name: str, kind: Any = None) -> Any:
         """A tokenizer or processor of transformers; one that brings its own code is refused."""

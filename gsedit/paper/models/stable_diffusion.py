@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -233,7 +234,8 @@ def load(parts: Parts) -> Pix2Pix:
         vae=vae,
         text_encoders=tuple(
             TextEncoder(
-                parts.text_network(f"text_encoder{end}"), parts.tokenizer(f"tokenizer{end}")
+                TextNetwork(partial(parts.network, f"text_encoder{end}")),
+                parts.tokenizer(f"tokenizer{end}"),
             )
             for end in ("", "_2")[: 1 + is_xl]
         ),
