@@ -4,22 +4,14 @@ from __future__ import annotations
 
 import os
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING, Annotated
 
 from gsedit.capture.settings import CaptureSettings
 
-from ..core.command import (
-    Seeded,
-    Setting,
-    Settings,
-    Values,
-    argument,
-    settings_of,
-    shows,
-    with_values,
-)
+from ..core.command import Seeded, Settings, Values, argument, settings_of, shows, with_values
 from ..core.console import as_json, print_message, print_result
 from ..core.exits import Interrupted
 from ..core.outputs import check_folder
@@ -35,20 +27,13 @@ NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight",
 Source = Annotated[
     Path, argument("PHOTOS", "A folder of photos of one scene (folders in it too), or a video.")
 ]
-
-
-def capture_settings() -> list[Setting]:
-    """An option for each field of CaptureSettings; --threads and --seed are those of every verb."""
-    return list(settings_of(CaptureSettings(), without=("seed", "threads")))
+SETTINGS = Settings(partial(settings_of, CaptureSettings(), without=("seed", "threads")))
+"""An option for each field of CaptureSettings; --threads and --seed are those of every verb."""
 
 
 @shows("--output", "--frames", "--lens", "--focal", "--mask", "--size", "--force", "--seed")
 def capture(
-    photos: Source,
-    *,
-    own: Folder,
-    values: Annotated[Values, Settings(capture_settings)],
-    common: Seeded,
+    photos: Source, *, own: Folder, values: Annotated[Values, SETTINGS], common: Seeded
 ) -> None:
     """Find the camera of each photo, for gsedit fit.
 

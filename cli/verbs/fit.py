@@ -13,7 +13,6 @@ from gsedit.capture.fitting.settings import LEAST_STEPS, QUALITIES, FitSettings
 from ..core.checkpoints import Checkpoints, load_resume_state, say_threads
 from ..core.command import (
     Seeded,
-    Setting,
     Settings,
     Values,
     argument,
@@ -40,11 +39,8 @@ CHECKPOINT = ".checkpoint.safetensors"
 Dataset = Annotated[
     Path, argument("DATASET", "Folder of posed photos: nerfstudio (transforms.json) or COLMAP.")
 ]
-
-
-def fit_settings() -> list[Setting]:
-    """Return an option for each field of FitSettings; --minutes stands for `seconds`."""
-    return list(settings_of(FitSettings(), without=("seconds", "coarse")))
+SETTINGS = Settings(partial(settings_of, FitSettings(), without=("seconds", "coarse")))
+"""An option for each field of FitSettings; --minutes stands for `seconds`."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +90,7 @@ def fit(
     *,
     own: FitOptions,
     recipe: Recipe,
-    values: Annotated[Values, Settings(fit_settings)],
+    values: Annotated[Values, SETTINGS],
     common: Seeded,
 ) -> None:
     """Fit a scene to posed photos.

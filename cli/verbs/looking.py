@@ -14,7 +14,7 @@ from gsedit.errors import UsageError
 from gsedit.run.inputs import existing_file
 from rasterizer.numerics import Execution, Numerics
 
-from ..core.command import Settings, Values, argument, option, shows, with_values
+from ..core.command import Values, argument, option, shows, with_values
 from ..core.console import as_json, print_json, print_message, print_result, shown
 from ..core.kernel import say_kernel
 from ..core.outputs import check_file
@@ -31,7 +31,7 @@ from ..options.common import (
     scene_file,
 )
 from ..options.selection import SelectionOptions
-from .render import render_settings
+from .render import RENDER_SETTINGS
 
 if TYPE_CHECKING:
     from gsedit.formats.streams import SceneSource
@@ -146,7 +146,7 @@ def diff(
     *,
     own: DiffOptions,
     cameras: ViewOptions,
-    values: Annotated[Values, Settings(render_settings)],
+    values: Annotated[Values, RENDER_SETTINGS],
 ) -> None:
     """Compare two scenes: counts, attributes, PSNR and SSIM.
 

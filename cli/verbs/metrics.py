@@ -11,14 +11,14 @@ import typer
 from gsedit.errors import InputError, UsageError
 from rasterizer.numerics import Execution
 
-from ..core.command import Settings, Values, argument, option, shows, with_values
+from ..core.command import Values, argument, option, shows, with_values
 from ..core.console import as_json, print_json, print_message, shown
 from ..core.kernel import say_kernel
 from ..core.outputs import check_file
 from ..core.progress import counting
 from ..options.cameras import ViewOptions, resolve_cameras
 from ..options.common import Data, Reads, Writes, load_scene
-from .render import render_settings
+from .render import RENDER_SETTINGS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -71,11 +71,7 @@ class MetricsOptions(Writes, Data):
     "--size", "--picture", "--force",
 )  # fmt: skip
 def metrics(
-    scene: Scene,
-    *,
-    reads: Reads,
-    own: MetricsOptions,
-    values: Annotated[Values, Settings(render_settings)],
+    scene: Scene, *, reads: Reads, own: MetricsOptions, values: Annotated[Values, RENDER_SETTINGS]
 ) -> None:
     """Measure a scene against the unedited one, edited pictures or photos.
 

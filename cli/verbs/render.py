@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -12,7 +13,7 @@ from gsedit.pictures import MAPS, Format, MapName
 from gsedit.views import PathKind
 from rasterizer.numerics import Execution, Numerics
 
-from ..core.command import Setting, Settings, Values, option, settings_of, shows, with_values
+from ..core.command import Settings, Values, option, settings_of, shows, with_values
 from ..core.console import print_message, print_result
 from ..core.kernel import say_kernel
 from ..core.outputs import check_file, check_folder
@@ -36,11 +37,8 @@ OTHERS = (*PHOTOS, ".avi", ".mov", ".mkv", ".webm", ".m4v")
 FRAMES, FPS, ARC, CRF, COUNT = 120, 30.0, 60.0, 18, 8
 """Defaults of the options of these names, which are None: one that is given where it would change
 nothing is refused."""
-
-
-def render_settings() -> list[Setting]:
-    """Return the options of how pictures are computed."""
-    return list(settings_of(Execution()))
+RENDER_SETTINGS = Settings(partial(settings_of, Execution()))
+"""Options of how pictures are computed."""
 
 
 @dataclass(frozen=True)
@@ -201,7 +199,7 @@ def render(
     *,
     own: RenderOptions,
     cameras: ViewOptions,
-    values: Annotated[Values, Settings(render_settings)],
+    values: Annotated[Values, RENDER_SETTINGS],
 ) -> None:
     """Render pictures of a scene, or an animation along a path.
 
