@@ -76,12 +76,9 @@ class Strategy(Protocol):
         ...
 
 
-class RollbackAction:
+class RollbackAction(Action):
     """Base class of actions that never touch the optimizer: on failure a checkpoint is made of the
     session as it was before."""
-
-    def __call__(self, session: Session) -> Iterator[Event]:
-        raise NotImplementedError
 
 
 @dataclass(frozen=True)

@@ -3,8 +3,7 @@
 A Gaussian of a fitted surface lies under it: splats that are widened by a pixel's filter and
 blended from the front are drawn too near where they lie on it. The surface that pictures show is
 above the centers by a share of the standard deviation along it, the same in scenes of exact discs
-and in fits.
-`n` Gaussians, `h w` pixels; world units.
+and in fits. `n` Gaussians, `h w` pixels; world units.
 """
 
 from __future__ import annotations

@@ -149,11 +149,7 @@ def _z_to(normals: Float[Tensor, "n 3"]) -> Float[Tensor, "n 4"]:
 
 
 def ring_cameras(
-    scene: SyntheticScene,
-    count: int,
-    size: int,
-    elevation: float = 20.0,
-    start: float = -90.0,
+    scene: SyntheticScene, count: int, size: int, elevation: float = 20.0, start: float = -90.0
 ) -> tuple[Camera, ...]:
     """`count` cameras of `size`^2 pixels around the scene, at one height, looking at its center,
     as near as shows the scene's whole ball.

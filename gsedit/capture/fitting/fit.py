@@ -89,9 +89,8 @@ class Budget:
 
 
 RATES = {"means": 6.4e-4, "quats": 4e-3, "log_scales": 4e-2, "logit_opacities": 1e-1, "sh": 4e-2}
-"""Learning rates by field; that of positions times the scene's radius. Colors, opacities and
-scales move faster than in 3D Gaussian splatting: a fit here has a few thousand steps and not
-30,000."""
+"""Learning rates by field; that of positions times the scene's radius. Colors, opacities and scales
+move faster than in 3D Gaussian splatting: a fit here has a few thousand steps and not 30,000."""
 FINAL_RATE = {"means": 0.02, "sh": 0.2, "log_scales": 0.3, "logit_opacities": 0.3, "quats": 0.3}
 """Each rate decays exponentially to this fraction at the end of the budget."""
 FREE = ("checkpoint_seconds", "execution", "report_every")

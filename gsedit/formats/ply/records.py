@@ -80,11 +80,6 @@ class PlyHeader:
     def element(self, name: str) -> PlyElement | None:
         return next((e for e in self.elements if e.name == name), None)
 
-    @property
-    def byte_order(self) -> str:
-        """numpy's character for it."""
-        return _BYTE_ORDERS[self.format]
-
 
 def read_ply_header(path: str | Path) -> PlyHeader:
     """The header, checked against the size of the file; InputError if it cannot be right."""
@@ -104,7 +99,7 @@ def element_blocks(path: Path, header: PlyHeader, name: str, at_once: int) -> It
     if element is None or element.has_lists:
         raise InputError(f"{path}: there is no element {name} without lists: export it again")
     before = header.elements[: header.elements.index(element)]
-    dtype = element.dtype(header.byte_order)
+    dtype = element.dtype(_BYTE_ORDERS[header.format])
     if header.format == "ascii":
         with path.open("rb") as handle:
             handle.seek(header.data_offset)

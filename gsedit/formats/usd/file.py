@@ -5,8 +5,7 @@ up, which is kept): memory's axes turned by 180 degrees about x, in the values a
 transform, so that they read the same without one. A child process runs the library, which reads
 files of strangers in C++ and can crash on damaged ones; its memory and the bytes that it writes are
 bounded. Between the two are files of plain numbers. The library holds the scene, and so does
-writing here.
-Source: OpenUSD 26.11, the schemas of UsdVol; openusd.org.
+writing here. Source: OpenUSD 26.11, the schemas of UsdVol; openusd.org.
 
 The unit of length and the axis that is up are stated by a stage, and kept by other formats as
 comments: `metersPerUnit 0.01`, `upAxis Z`.

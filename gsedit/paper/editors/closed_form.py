@@ -21,10 +21,9 @@ in log s: 20 Euler steps of it diverge. A narrow one overshoots to 7.5 m - 6 z.)
 Choice. A view's cells choose their variant together, by <q, m_j - m_k> / s^2. Were it read off the
 pixels, some 10^5 of them would decide it in the first step, before views can agree, and in favour
 of the variant towards which guidance overshoots. So the picture's share of the latent is small
-(RADIUS), the noise hides it at first, and the codes decide: equally far from each
-other and from the unedited picture, hence equally likely, and of a size (CODE_NORM) at
-which the decision falls into the consensus window. Without consensus every view chooses by its own
-noise.
+(RADIUS), the noise hides it at first, and the codes decide: equally far from each other and from
+the unedited picture, hence equally likely, and of a size (CODE_NORM) at which the decision falls
+into the consensus window. Without consensus every view chooses by its own noise.
 
 The variants are of looks that a sentence names. A look maps each pixel by its own color alone, so
 one surface point gets one edited color in every view. `h w` pixels, sRGB in [0, 1]; colors are

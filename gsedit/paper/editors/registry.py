@@ -1,11 +1,10 @@
 """2D editors and mask providers by name, those of this package and of others.
 
 A package adds one by an entry point (`plugins` in this folder): of the group `gsedit.editors` a
-callable that makes an Editor, whose options may be `model`, `runtime`, `run`,
-`timeout` and `folder`, and whose attribute `capabilities` (gsedit.paper.editors.Capabilities)
-declares everything optional; of the group `gsedit.masks` one that makes a MaskProvider, whose
-options may be `run`, `model` and `sam`. `examples/write_an_editor.py` shows an editor. Listing
-loads no torch.
+callable that makes an Editor, whose options may be `model`, `runtime`, `run`, `timeout` and
+`folder`, and whose attribute `capabilities` (gsedit.paper.editors.Capabilities) declares everything
+optional; of the group `gsedit.masks` one that makes a MaskProvider, whose options may be `run`,
+`model` and `sam`. `examples/write_an_editor.py` shows an editor. Listing loads no torch.
 """
 
 from __future__ import annotations
@@ -151,10 +150,9 @@ MASKS = Plugins(
 def make_editor(name: str = DEFAULT, **options: Any) -> Editor:
     """The editor of that name; `options` that are None are as if they were not given.
 
-    `model`, `precision` and `runtime` are for pix2pix and diffusers (see
-    load_model, make_runtime), `run`, `timeout` (seconds) and `folder` for command (see Command).
-    Raises UsageError for a name or an option that there is not, GseditError where a third party's
-    editor cannot be made.
+    `model`, `precision` and `runtime` are for pix2pix and diffusers (see load_model, make_runtime),
+    `run`, `timeout` (seconds) and `folder` for command (see Command). Raises UsageError for a name
+    or an option that there is not, GseditError where a third party's editor cannot be made.
     """
     return EDITORS.make(name, options)
 

@@ -15,18 +15,16 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import torch
-from jaxtyping import Bool
 from PIL import Image
-from torch import Tensor
 
 from gsedit.errors import GseditError
 from gsedit.pictures.viewer.point_clouds import to_open3d
 from rasterizer.camera import Camera
 from rasterizer.scene import Gaussians
 
-BESIDE = 2.0
-"""Half pictures from the middle. Open3D does not bound its linear projection: a splat beside the
-camera would cover the picture, so those farther out are not given to it."""
+BESIDE = 0.5
+"""Share of the picture's sides. Open3D does not bound its linear projection: a splat beside the
+camera would cover the picture, so those farther out than that are not given to it."""
 NO_VULKAN = (
     "Open3D finds no Vulkan to draw splats with: leave out --open3d to see points; on Debian: "
     "apt-get install -y libvulkan1 mesa-vulkan-drivers"
@@ -62,7 +60,8 @@ def draw_splats(scene: Gaussians, camera: Camera, program: str = _CHILD) -> tupl
     Raises GseditError where open3d is missing, and where Open3D, in a process that runs `program`,
     does not get to a picture.
     """
-    scene = scene[in_reach(scene, camera)].detach()
+    _, _, near = camera.pictured(scene.means.detach().double(), -BESIDE)
+    scene = scene[near].detach()
     scene = replace(scene, quats=torch.nn.functional.normalize(scene.quats, dim=1))
     # Open3D's convention is that of our cameras
     intrinsics = np.array([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1.0]])
@@ -92,8 +91,3 @@ def driver_note(log: bytes) -> str:
         f"{version[0].decode()} can leave square holes of 16 pixels in the picture: newer ones, of "
         f"{WHOLE_PICTURES}.0 and later, do not"
     )
-
-
-def in_reach(scene: Gaussians, camera: Camera) -> Bool[Tensor, " n"]:
-    """Flag Gaussians that lie in front of the camera and not far beside its picture (BESIDE)."""
-    return camera.pictured(scene.means.detach().double(), (1 - BESIDE) / 2)[2]

@@ -84,10 +84,7 @@ class PaintNetwork(nn.Module):
         )
 
     def forward(
-        self,
-        images: Float[Tensor, "v 3 h w"],
-        style: Sequence[Affine],
-        agree: Agree | None = None,
+        self, images: Float[Tensor, "v 3 h w"], style: Sequence[Affine], agree: Agree | None = None
     ) -> Float[Tensor, "v 3 h w"]:
         """Painted pictures in [0, 1], each normalised by its own statistics."""
         affine = iter(style)
