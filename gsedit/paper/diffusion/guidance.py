@@ -234,6 +234,5 @@ def check_finite(x: Latents, what: str, level: NoiseLevel, settings: SamplerSett
         raise UsageError(
             f"{what} at t = {level.t:g} (sigma {level.sigma:.3g}) are not finite, with solver "
             f"{settings.method}, {settings.step_count} steps, guidance {s_T:g} and "
-            f"image guidance {s_I:g}: compute in float32, lower the guidance, "
-            "or take more steps"
+            f"image guidance {s_I:g}: compute in float32, lower the guidance, or take more steps"
         )
