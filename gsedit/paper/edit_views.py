@@ -14,7 +14,7 @@ from gsedit.errors import GseditError
 from gsedit.paper.consistency.correspond import Correspondences, correspond
 from gsedit.paper.consistency.harmonise import Surface, harmonise_by_depth
 from gsedit.paper.diffusion.settings import SamplerSettings
-from gsedit.paper.editors.protocol import EditBatch, StylePainter, truth_of
+from gsedit.paper.editors.protocol import EditBatch, Places, StylePainter, truth_of
 from gsedit.paper.guided import carry_change
 from gsedit.paper.session import Session, UneditedRenders, preview
 from gsedit.paper.view_plan import view_overlap
@@ -225,6 +225,23 @@ def _depths(session: Session, members: Sequence[int]) -> Float[Tensor, "v h w"]:
     return torch.stack([r.median_depth for r in renderings if r.median_depth is not None])
 
 
+def _places(session: Session, members: Sequence[int]) -> Places:
+    """Where pixels of these views are, at the size at which they are edited."""
+    unedited, depths = session.unedited, _depths(session, members)
+    cameras = [view.camera for view in session.request.every_view]
+    eyes = torch.stack([each.center for each in cameras]).to(depths)
+    points = []
+    for i, depth in zip(members, depths):
+        camera = unedited.edit_camera(i)
+        seen = torch.where(depth > 0, depth, depth.max()).clamp_min(1e-6)
+        at = camera.unproject(camera.pixel_centers().to(seen), seen)
+        away = torch.cdist(at.flatten(0, 1), eyes).mean(-1).unflatten(0, depth.shape)
+        points.append((at - eyes.mean(0)) * (camera.fx / away)[..., None])
+    ups = torch.stack([-each.rotation[1] for each in cameras])
+    up = ups.mean(0) + 1e-6 * ups[0]  # its own where they cancel
+    return Places(depths, torch.stack(points), up, unedited.tones)
+
+
 def _harmonised(
     unedited: UneditedRenders,
     members: Sequence[int],
@@ -270,7 +287,7 @@ def batch_of(
         anchored=torch.tensor([i in anchors for i in members]),
         subject=_subject(session, [cameras[i] for i in members]),
         seed=session.progress.noise_seed,
-        depths=_depths(session, members) if request.draws else None,
+        places=_places(session, members) if request.draws else None,
     )
 
 
