@@ -26,7 +26,7 @@ class Places(NamedTuple):
     """Where the pixels of views are, in the unedited scene."""
 
     depths: Float[Tensor, "v h w"]
-    """Median depth; 0 where nothing is."""
+    """Median depth without grain; the farthest where nothing is."""
     points: Float[Tensor, "v h w 3"]
     """From the middle of all cameras, over the mean size of a pixel there: what is drawn by them is
     at the same place in all views, and about as large in each."""

@@ -14,7 +14,7 @@ import numpy as np
 import torch
 from jaxtyping import Float
 from numpy.typing import NDArray
-from scipy.ndimage import find_objects, gaussian_filter, label, median_filter, uniform_filter
+from scipy.ndimage import find_objects, gaussian_filter, label, uniform_filter
 from scipy.spatial import KDTree
 from torch import Tensor
 
@@ -99,10 +99,7 @@ def _sight(picture: Float[Tensor, "h w 3"], places: Places | None, k: int) -> Si
     else:
         low, high = places.tones
         points, up = places.points[k].double().numpy(), places.up.double().numpy()
-        depth = places.depths[k]
-        seen = torch.where(depth > 0, depth, depth.max()).double().clamp_min(1e-6)
-        far = median_filter(seen.log().numpy(), 5)
-        points = median_filter(points, (5, 5, 1))
+        far = places.depths[k].double().log().numpy()
     return Sight(((values - low) / max(high - low, 1e-3)).clip(0, 1), points, up, far)
 
 
