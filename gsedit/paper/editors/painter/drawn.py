@@ -39,9 +39,7 @@ HATCHES = ((40.0, 0.65), (40.0, 0.39), (-30.0, 0.21))
 """Directions of hatching, degrees, and the tones below which each begins."""
 STROKE = (30.0, 2.6)
 """Length and width of its strokes, pixels: Gaussians hold no finer ones."""
-DOT = 10.0
-"""Distance between printed dots, pixels."""
-TONES, VIVID = 3, 1.8
+TONES, VIVID = 4, 1.8
 """Tones of flat color, and how much its saturation is raised."""
 NEAR = np.indices((3, 3, 3)).reshape(3, 27).T - 1.0
 """A cell of the grid and those around it."""
@@ -57,8 +55,8 @@ CUT, ASIDE, BEND = 10.0, 0.8, 3.0
 bend from dark to bright."""
 PANE, FACET = 22.0, 40.0
 """Size of a pane of glass and of a facet, pixels."""
-DAB, BLOCK = 8.0, 16.0
-"""Size of a dab of paint and of a cube, pixels."""
+DAB = 8.0
+"""Size of a dab of paint, pixels."""
 BLUE = np.array([0.07, 0.22, 0.52])
 """Color of a plan's paper."""
 LEAD = 0.07
@@ -119,38 +117,29 @@ def inked(sight: Sight) -> Map:
     tone = flat @ GRAY
     whole = np.floor(tone * TONES)
     step = (whole + 1 / (1 + np.exp((0.5 - tone * TONES + whole) / 0.06))) / TONES
-    scale = ((0.15 + 0.85 * step) / (tone + 1e-3)).clip(0.3, 2.5)
-    waves = np.cos(2 * np.pi / DOT * (sight.points @ _axes(sight)[:2].T)).mean(-1)
-    dots = 1 / (1 + np.exp((0.9 * tone - waves) / 0.1))
-    color = _vivid(flat * scale[..., None], VIVID).clip(0, 1) * (1 - 0.3 * dots)[..., None]
+    scale = ((0.12 + 0.88 * step) / (tone + 1e-3)).clip(0.3, 2.5)
+    color = _vivid(flat * scale[..., None], VIVID).clip(0, 1)
     return color * (1 - _lines(sight.picture @ GRAY, sight.far, WIDE) ** 0.7)[..., None]
 
 
 def charcoaled(sight: Sight) -> Map:
     """Broad, soft tones, and thick lines."""
     tone = sight.picture @ GRAY
-    soft = _soft(tone) - 0.1 * _noise(sight.points / 3)
+    grain = noise(torch.from_numpy(sight.points.reshape(-1, 3) / 3)).numpy()
+    soft = _soft(tone) - 0.1 * grain.reshape(tone.shape)
     shade = 1 / (1 + np.exp((soft - 0.4) / 0.13))
     ink = np.maximum(0.9 * shade, _lines(tone, sight.far, WIDE))
     return (PAPER + (GRAPHITE - PAPER) * ink)[..., None].repeat(3, -1)
-
-
-def colored(sight: Sight) -> Map:
-    """Strokes of colored pencils, denser where it is darker, and lines."""
-    flat = _calm(sight.picture, 3, 2)
-    tone, axes = flat @ GRAY, _axes(sight)
-    strokes = _noise(sight.points @ axes.T / (3.0, 25.0, 25.0))
-    cover = (0.95 - 0.7 * tone + 0.3 * strokes).clip(0, 1)
-    line = 0.8 * _lines(sight.picture @ GRAY, sight.far)
-    cover = np.maximum(cover, line)[..., None]
-    return PAPER + (_vivid(flat, 1.6).clip(0, 1) * (1 - line[..., None]) - PAPER) * cover
 
 
 def carved(sight: Sight) -> Map:
     """Ink between cut lines, which are the wider the brighter it is."""
     tone = sight.picture @ GRAY
     calm = _soft(tone)
-    phase = sight.points @ _axes(sight)[0] / CUT + BEND * gaussian_filter(calm, 4)
+    up = sight.up / np.linalg.norm(sight.up)
+    side = np.cross(up, np.eye(3)[np.abs(up).argmin()])
+    across = up + ASIDE * side / np.linalg.norm(side)
+    phase = sight.points @ across / (CUT * np.linalg.norm(across)) + BEND * gaussian_filter(calm, 4)
     wave = 0.9 * abs(phase % 1 * 2 - 1) + 0.05
     shade = 1 / (1 + np.exp((wave - 1 + 1.15 * calm) / 0.08))
     ink = np.maximum(shade, _lines(tone, sight.far, WIDE))
@@ -190,16 +179,6 @@ def dotted(sight: Sight) -> Map:
     return ground + (dab - ground) * ((panes.inward - 0.05) / 0.2).clip(0, 1)[..., None]
 
 
-def blocked(sight: Sight) -> Map:
-    """Upright cubes, each of one color of few tones."""
-    panes = _panes(sight, BLOCK, shaken=False)
-    tone = (panes.means @ GRAY)[..., None].clip(0.02)
-    flat = _vivid(panes.means, 1.6) * (
-        np.round(6 * tone) / 6 / tone + 0.2 * (panes.chance[..., :1] - 0.5)
-    )
-    return flat * (1 - 0.35 * (abs(panes.offsets).max(-1) > 0.44))[..., None]
-
-
 def planned(sight: Sight) -> Map:
     """White lines on blue, and a little of the tone."""
     tone = sight.picture @ GRAY
@@ -211,12 +190,10 @@ DRAWN: dict[str, Callable[[Sight], Map]] = {
     "sketch": penciled,
     "comic": inked,
     "charcoal drawing": charcoaled,
-    "colored pencil": colored,
     "woodcut": carved,
     "stained glass": leaded,
     "cubist": faceted,
     "pointillist": dotted,
-    "pixel art": blocked,
     "blueprint": planned,
 }
 """Styles that no network paints, by name."""
@@ -237,22 +214,6 @@ def _busy(tone: Map) -> Map:
     """How many edges there are, from 1 on too many."""
     even = _even(tone, 2)
     return gaussian_filter(np.abs(gaussian_filter(even, 1.6) - even), 8) / BUSY
-
-
-def _axes(sight: Sight, aside: float = ASIDE) -> Map:
-    """Directions across and along strokes, which follow what they are on: across is between up and
-    one side."""
-    up = sight.up / np.linalg.norm(sight.up)
-    side = np.cross(up, np.eye(3)[np.abs(up).argmin()])
-    across = up + aside * side / np.linalg.norm(side)
-    along = np.cross(across, side)
-    axes = np.stack((across, along, np.cross(across, along)))
-    return axes / np.linalg.norm(axes, axis=-1, keepdims=True)
-
-
-def _noise(points: Map) -> Map:
-    """Smooth noise at points, see `noise`."""
-    return noise(torch.from_numpy(points.reshape(-1, 3))).numpy().reshape(points.shape[:-1])
 
 
 def _vivid(picture: Map, factor: float) -> Map:
@@ -283,10 +244,8 @@ def _calm(picture: Map, radius: int, times: int) -> Map:
 class Panes(NamedTuple):
     """Cells of space, as pixels show them."""
 
-    means: Map
-    """Mean color of the pane."""
     colors: Map
-    """The same, and a share of what the pixel's own differs by."""
+    """Mean color of the pane, and a share of what the pixel's own differs by."""
     chance: Map
     """Three numbers in [0, 1) of the pane."""
     offsets: Map
@@ -295,13 +254,13 @@ class Panes(NamedTuple):
     """How much nearer its center is than the next, in its size."""
 
 
-def _panes(sight: Sight, size: float, shaken: bool = True) -> Panes:
-    """Cells about points that are shaken on a grid in space: Worley's noise (1996); else cubes."""
-    at = (sight.points @ _axes(sight, 0.0).T).reshape(-1, 3) / size
+def _panes(sight: Sight, size: float) -> Panes:
+    """Cells about points that are shaken on a grid in space: Worley's noise (1996)."""
+    at = sight.points.reshape(-1, 3) / size
     cells = np.unique(np.floor(at), axis=0)
     cells = np.unique((cells[:, None] + NEAR).reshape(-1, 3), axis=0)
     chance = np.sin(cells @ SHAKEN) * 43758.5453 % 1
-    centers = cells + (chance if shaken else 0.5)
+    centers = cells + chance
     found: Any = KDTree(centers).query(at, k=2)
     away, own = found[0], found[1][:, 0]
     calm = _calm(sight.picture, 3, 2).reshape(-1, 3)
@@ -309,7 +268,6 @@ def _panes(sight: Sight, size: float, shaken: bool = True) -> Panes:
     means = np.stack([np.bincount(own, each, len(cells)) / count for each in calm.T], -1)[own]
     shape = sight.picture.shape
     return Panes(
-        means.reshape(shape),
         (means + KEPT * (calm - means)).reshape(shape),
         chance[own].reshape(shape),
         (at - centers[own]).reshape(shape),
