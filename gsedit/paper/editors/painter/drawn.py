@@ -137,7 +137,7 @@ def carved(sight: Sight) -> Map:
     tone = sight.picture @ GRAY
     calm = _soft(tone)
     up = sight.up / np.linalg.norm(sight.up)
-    side = np.cross(up, np.eye(3)[np.abs(up).argmin()])
+    side: Any = np.cross(up, np.eye(3)[np.abs(up).argmin()])
     across = up + ASIDE * side / np.linalg.norm(side)
     phase = sight.points @ across / (CUT * np.linalg.norm(across)) + BEND * gaussian_filter(calm, 4)
     wave = 0.9 * abs(phase % 1 * 2 - 1) + 0.05
