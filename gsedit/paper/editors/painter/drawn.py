@@ -16,6 +16,7 @@ from jaxtyping import Float
 from numpy.typing import NDArray
 from scipy.ndimage import find_objects, gaussian_filter, label, uniform_filter
 from scipy.spatial import KDTree
+from scipy.special import expit
 from torch import Tensor
 
 from gsedit.paper.editors.protocol import Places
@@ -116,7 +117,7 @@ def inked(sight: Sight) -> Map:
     flat = _calm(sight.picture, 4, 4)
     tone = flat @ GRAY
     whole = np.floor(tone * TONES)
-    step = (whole + 1 / (1 + np.exp((0.5 - tone * TONES + whole) / 0.06))) / TONES
+    step = (whole + expit((tone * TONES - whole - 0.5) / 0.06)) / TONES
     scale = ((0.12 + 0.88 * step) / (tone + 1e-3)).clip(0.3, 2.5)
     color = _vivid(flat * scale[..., None], VIVID).clip(0, 1)
     return color * (1 - _lines(sight.picture @ GRAY, sight.far, WIDE) ** 0.7)[..., None]
@@ -127,7 +128,7 @@ def charcoaled(sight: Sight) -> Map:
     tone = sight.picture @ GRAY
     grain = noise(torch.from_numpy(sight.points.reshape(-1, 3) / 3)).numpy()
     soft = _soft(tone) - 0.1 * grain.reshape(tone.shape)
-    shade = 1 / (1 + np.exp((soft - 0.4) / 0.13))
+    shade = expit((0.4 - soft) / 0.13)
     ink = np.maximum(0.9 * shade, _lines(tone, sight.far, WIDE))
     return (PAPER + (GRAPHITE - PAPER) * ink)[..., None].repeat(3, -1)
 
@@ -141,7 +142,7 @@ def carved(sight: Sight) -> Map:
     across = up + ASIDE * side / np.linalg.norm(side)
     phase = sight.points @ across / (CUT * np.linalg.norm(across)) + BEND * gaussian_filter(calm, 4)
     wave = 0.9 * abs(phase % 1 * 2 - 1) + 0.05
-    shade = 1 / (1 + np.exp((wave - 1 + 1.15 * calm) / 0.08))
+    shade = expit((1 - 1.15 * calm - wave) / 0.08)
     ink = np.maximum(shade, _lines(tone, sight.far, WIDE))
     return PRINTED + (INK - PRINTED) * ink[..., None]
 
@@ -162,7 +163,7 @@ def faceted(sight: Sight) -> Map:
     tone = 0.15 + 0.85 * panes.colors @ GRAY + 0.3 * (panes.chance[..., 0] - 0.5)
     tone += 0.2 * aside.clip(-1, 1)
     warm = panes.colors[..., 0] - panes.colors[..., 2] + 0.6 * (panes.chance[..., 1] - 0.5)
-    at, share = np.linspace(0, 1, len(OCHER)), 1 / (1 + np.exp((0.05 - warm) / 0.06))
+    at, share = np.linspace(0, 1, len(OCHER)), expit((warm - 0.05) / 0.06)
     ocher, slate = (
         np.stack([np.interp(tone, at, each) for each in ramp.T], -1) for ramp in (OCHER, SLATE)
     )
