@@ -8,13 +8,14 @@ from dataclasses import replace
 
 import torch
 from jaxtyping import Bool, Float
+from scipy.ndimage import median_filter
 from torch import Tensor
 
 from gsedit.errors import GseditError
 from gsedit.paper.consistency.correspond import Correspondences, correspond
 from gsedit.paper.consistency.harmonise import Surface, harmonise_by_depth
 from gsedit.paper.diffusion.settings import SamplerSettings
-from gsedit.paper.editors.protocol import EditBatch, StylePainter, truth_of
+from gsedit.paper.editors.protocol import EditBatch, Places, StylePainter, truth_of
 from gsedit.paper.guided import carry_change
 from gsedit.paper.session import Session, UneditedRenders, preview
 from gsedit.paper.view_plan import view_overlap
@@ -30,7 +31,7 @@ from gsedit.select.region import (
     smoothed,
 )
 from gsedit.select.surfaces import neighbors
-from gsedit.views.dataset import View
+from gsedit.views.dataset import View, evenly_spaced
 from gsedit.views.depth_maps import DEFAULT_RULES
 from gsedit.views.image_ops import downscale, pad_camera, pad_to_multiple
 from rasterizer.camera import Camera
@@ -225,6 +226,28 @@ def _depths(session: Session, members: Sequence[int]) -> Float[Tensor, "v h w"]:
     return torch.stack([r.median_depth for r in renderings if r.median_depth is not None])
 
 
+EYES = 32
+"""Cameras by whose mean distance sizes of pixels are told."""
+
+
+def _places(session: Session, members: Sequence[int]) -> Places:
+    """Where pixels of these views are, at the size at which they are edited."""
+    unedited, depths, points = session.unedited, list[Tensor](), list[Tensor]()
+    views = session.request.every_view
+    cameras = [views[i].camera for i in evenly_spaced(len(views), EYES)]
+    eyes = torch.stack([each.center for each in cameras])
+    for i, depth in zip(members, _depths(session, members)):
+        camera = unedited.edit_camera(i)
+        seen = torch.where(depth > 0, depth, depth.max()).clamp_min(1e-6)
+        depths.append(torch.from_numpy(median_filter(seen.numpy(), 5)))
+        at = camera.unproject(camera.pixel_centers(), depths[-1].double())
+        away = torch.cdist(at.flatten(0, 1), eyes.to(at)).mean(-1).unflatten(0, depth.shape)
+        points.append((at - eyes.mean(0)) * (camera.fx / away)[..., None])
+    ups = torch.stack([-each.rotation[1] for each in cameras])
+    up = ups.mean(0) + 1e-6 * ups[0]  # its own where they cancel
+    return Places(torch.stack(depths), torch.stack(points), up, unedited.tones)
+
+
 def _harmonised(
     unedited: UneditedRenders,
     members: Sequence[int],
@@ -270,7 +293,7 @@ def batch_of(
         anchored=torch.tensor([i in anchors for i in members]),
         subject=_subject(session, [cameras[i] for i in members]),
         seed=session.progress.noise_seed,
-        depths=_depths(session, members) if request.draws else None,
+        places=_places(session, members) if request.draws else None,
     )
 
 

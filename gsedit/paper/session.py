@@ -19,9 +19,10 @@ from gsedit.paper.editors.protocol import GroundTruth, StylePainter
 from gsedit.paper.request import Request
 from gsedit.paper.view_plan import ViewPlan
 from gsedit.run.stopwatch import Stopwatch
+from gsedit.scene.color_space import LUMINANCE
 from gsedit.scene.framing import bounds
 from gsedit.select.region import Region, coverage, everything
-from gsedit.views.dataset import View
+from gsedit.views.dataset import View, evenly_spaced
 from gsedit.views.image_ops import downscale
 from rasterizer.blending.choose import is_compiled
 from rasterizer.camera import Camera
@@ -96,6 +97,14 @@ class UneditedRenders:
         """The mean color of what the first view shows; black where it shows nothing."""
         shown = self.rendering(0)
         return shown.color.clamp(0, 1).sum((0, 1)) / shown.alpha.sum().clamp_min(1e-6)
+
+    @cached_property
+    def tones(self) -> tuple[float, float]:
+        """Luminance of what is darker and brighter than nearly all that a few views show."""
+        few = evenly_spaced(len(self.request.every_view), 4)
+        gray_of = torch.from_numpy(LUMINANCE).to(self.request.scene.means)
+        gray = torch.cat([(self.picture(i) @ gray_of).flatten() for i in few])
+        return float(gray.quantile(0.02)), float(gray.quantile(0.97))
 
     def coverage(self, region: Region, i: int) -> Float[Tensor, "h w"]:
         """The region's share of each pixel of view i, in [0, 1]; kept for the last region."""

@@ -12,6 +12,8 @@ from gsedit import EditSettings
 from gsedit.errors import UsageError
 from gsedit.paper.diffusion.settings import SamplerSettings
 from gsedit.paper.editors import EditBatch, make_editor
+from gsedit.paper.editors.painter.drawn import DRAWN, drawn
+from gsedit.paper.editors.protocol import Places
 from gsedit.scene.color_space import LUMINANCE
 from gsedit.words.lexicon import LIKE
 from rasterizer.render import render
@@ -110,6 +112,35 @@ def test_strokes_around_an_object_are_left_out():
     assert (off <= 3 * scene.scales[origin].amax(1)).all()
 
 
+def places_at(left, side):
+    """A wall, looked at from so many pixels on."""
+    y, x = torch.meshgrid(torch.arange(side), left + torch.arange(side), indexing="ij")
+    points = torch.stack((x, y, torch.zeros_like(x)), -1).double()[None]
+    up = torch.tensor((-1.0, -1.0, 0.0), dtype=torch.float64)
+    return Places(torch.ones_like(points[..., 0]), points, up, (0.0, 1.0))
+
+
+@pytest.mark.parametrize("style", sorted(DRAWN.keys() - {"sketch"}))
+def test_what_is_drawn_by_rules_is_at_the_same_place_in_all_views(style):
+    wall = pictures(1, 192).double()
+    first, second = (
+        drawn(style, wall[:, :128, left : left + 128], places_at(left, 128)) for left in (0, 32)
+    )
+    shared = first[:, 40:88, 72:88], second[:, 40:88, 40:56]
+    assert (shared[0] - shared[1]).abs().mean() < 0.05 < shared[0].std()
+    moved = drawn(style, wall[:, :128, 32:160], places_at(3, 128))[:, 40:88, 40:56]
+    if style not in ("comic", "blueprint"):  # mostly the picture's own lines
+        assert (moved - shared[0]).abs().mean() > 0.05
+
+
+@pytest.mark.parametrize("style", DRAWN)
+def test_a_picture_of_one_color_noise_and_a_strip_are_drawn_in_range(style):
+    for picture in (torch.zeros(1, 16, 16, 3), pictures(1).round(), pictures(1, 1000)[:, :16]):
+        made = painted(make_editor("painter"), picture, style)
+        assert made.shape == picture.shape
+        assert ((made >= 0) & (made <= 1)).all()
+
+
 def test_a_sketch_is_graphite_on_paper():
     made = painted(make_editor("painter"), pictures(1), "sketch")
     assert float((made.amax(-1) - made.amin(-1)).max()) < 0.05
@@ -121,7 +152,8 @@ def test_a_sketch_has_contours_where_depth_jumps_and_none_of_grain():
     even = (0.5 + 0.1 * grain).expand(-1, -1, -1, 3)
     depths = torch.where(torch.arange(64) < 32, 1.0, 2.0).expand(1, 64, -1)
     editor = make_editor("painter").in_styles(("sketch",))
-    flat, stepped = (editor.pictures(even, each)[0, 8:56, :, 0] for each in (None, depths))
+    places = places_at(0, 64)._replace(depths=depths)
+    flat, stepped = (editor.pictures(even, each)[0, 8:56, :, 0] for each in (None, places))
     assert flat[:, 28:36].mean() > 0.7
     line = stepped[:, 28:36].mean(0)
     assert line[:4].min() < 0.3 < 0.6 < line[4:].min()  # on the near side

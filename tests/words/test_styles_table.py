@@ -1,3 +1,4 @@
+from gsedit.paper.editors.painter.drawn import DRAWN
 from gsedit.words.lexicon import LIKE, LONGEST, STYLES, names, near_styles, rows_of, style_words
 from gsedit.words.scan import scanned, tokens
 
@@ -5,9 +6,11 @@ EVERY = rows_of(STYLES)
 ROWS = [row for row in EVERY if row[0] == "style"]
 
 
-def test_every_number_of_the_network_has_one_name():
+def test_every_number_of_the_network_and_every_rule_has_one_name():
     assert {kind for kind, _, _ in EVERY} == {"style", "near"}
-    assert sorted(int(value.split()[-1]) for _, value, _ in ROWS) == list(range(27))  # and a sketch
+    numbers = {int(number): name for name, _, number in (v.rpartition(" ") for _, v, _ in ROWS)}
+    assert sorted(numbers) == [*range(26 + len(DRAWN))] == [*range(len(ROWS))]
+    assert {numbers[each] for each in range(26, len(ROWS))} == DRAWN.keys()
 
 
 def test_a_phrase_is_spelled_as_sentences_are():

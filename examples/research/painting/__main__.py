@@ -65,7 +65,7 @@ from research.painting.arms import ARMS, BASE, LATER, REPAINT, Arm, Bench
 from research.painting.cases import Case, Meter, load_case
 from research.painting.judge import FIELDS, STRATEGIES, draw, number, read_records, report
 
-STYLES = ("starry night painting", "comic", "wave print", "expressionist")
+STYLES = ("starry night painting", "yellow ink", "wave print", "expressionist")
 CURVED = ("starry night painting", "wave print")
 """Styles in which strategies run: a curve takes as long as all other arms of a cell."""
 AT = (5.0, 10.0, 20.0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from typing import Any, Literal, Protocol, runtime_checkable
+from typing import Any, Literal, NamedTuple, Protocol, runtime_checkable
 
 import torch
 from jaxtyping import Bool, Float
@@ -20,6 +20,20 @@ from gsedit.words.instruction import Instruction
 
 GroundTruth = Callable[[Float[Tensor, "n h w 3"]], Float[Tensor, "n h w 3"]]
 """A map from unedited to truly edited pictures, values in [0, 1]."""
+
+
+class Places(NamedTuple):
+    """Where the pixels of views are, in the unedited scene."""
+
+    depths: Float[Tensor, "v h w"]
+    """Median depth without grain; the farthest where nothing is."""
+    points: Float[Tensor, "v h w 3"]
+    """From the middle of all cameras, over the mean size of a pixel there: what is drawn by them is
+    at the same place in all views, and about as large in each."""
+    up: Float[Tensor, "3"]
+    """Mean of the cameras' upward directions, not of unit length."""
+    tones: tuple[float, float]
+    """Luminance of the scene's darkest and brightest parts."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,8 +56,8 @@ class EditBatch:
     noise in all of them."""
     subject: Float[Tensor, "v h w"] | None = None
     """The probability that a pixel shows what is to be edited. None: the editor decides."""
-    depths: Float[Tensor, "v h w"] | None = None
-    """Median depth of the unedited scene, for editors that draw; None: not known."""
+    places: Places | None = None
+    """Where pixels are, for editors that draw by rules; None: not known."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,5 +1,5 @@
-"""`painter` as an editor: views are painted in a style, by name or that of a picture, or drawn in
-pencil; and a sheet of all styles.
+"""`painter` as an editor: views are painted in a style, by name or that of a picture, or drawn by
+rules; and a sheet of all styles.
 
 `v` pictures of `h w` pixels.
 """
@@ -8,21 +8,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
-from itertools import repeat
+from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
-import numpy as np
 import torch
 from jaxtyping import Float
-from numpy.typing import NDArray
 from PIL import Image
 from torch import Tensor
 
 from gsedit.errors import Said, UsageError
 from gsedit.formats.pictures import as_picture
 from gsedit.paper.diffusion.settings import SamplerSettings
+from gsedit.paper.editors.painter.drawn import DRAWN, drawn
 from gsedit.paper.editors.painter.network import (
     CELL,
     Affine,
@@ -35,12 +32,11 @@ from gsedit.paper.editors.painter.network import (
     style_of,
     weights_of,
 )
-from gsedit.paper.editors.protocol import Capabilities, EditBatch, EditProgress
+from gsedit.paper.editors.protocol import Capabilities, EditBatch, EditProgress, Places
 from gsedit.pictures.contact_sheet import captioned
 from gsedit.scene.color_space import LUMINANCE
 from gsedit.views.around import score_render
 from gsedit.views.dataset import evenly_spaced
-from gsedit.views.noise import noise
 from gsedit.views.viewpoints import Viewpoint
 from gsedit.words.lexicon import LIKE, styles
 from rasterizer.render import render_picture
@@ -52,87 +48,6 @@ BRUSH = 384
 a grid of dots."""
 BATCHES = 6
 """A view takes 0.05 s, so that more of a scene is painted than another editor would edit."""
-
-
-SKETCH = "sketch"
-"""Name of the style that is drawn, over what the others paint."""
-PAPER, GRAPHITE = 0.97, 0.12
-"""Display tones of paper and of lines."""
-LINES, EDGE, JUMP = (1.2, 2.4), 0.05, 0.06
-"""Widths of lines, pixels; differences in tone, and in the logarithm of depth, of the darkest."""
-GRAIN, BUSY = 0.08, 0.03
-"""Length of a line, in the picture's longer side, that is about the least that is no grain;
-difference in tone from the surroundings from which there are too many."""
-HATCHES = ((40.0, 0.65), (40.0, 0.39), (-30.0, 0.21))
-"""Directions of hatching, degrees, and the tones below which each begins."""
-STROKE = (30.0, 2.6)
-"""Length and width of its strokes, pixels: Gaussians hold no finer ones."""
-Map = NDArray[np.float64]
-
-
-def penciled(
-    picture: Float[Tensor, "h w 3"], depth: Float[Tensor, "h w"] | None = None
-) -> Float[Tensor, "h w 3"]:
-    """The picture in pencil: lines on the dark side of edges and the near side of jumps in depth,
-    and hatching by tone, paler where it is far."""
-    from scipy.ndimage import gaussian_filter, median_filter
-
-    luma = picture.double().numpy() @ (LUMINANCE / LUMINANCE.sum())
-    low, high = np.quantile(luma, (0.02, 0.9))
-    tone = np.clip((luma - low) / max(high - low, 1e-3), 0, 1)
-    even, pale = _even(tone, 2), 1.0
-    busy = gaussian_filter(np.abs(gaussian_filter(even, 1.6) - even), 8) / BUSY
-    edges = (gaussian_filter(even, 1.6 * size) - gaussian_filter(even, size) for size in LINES)
-    line = np.max([_long(each / (EDGE * busy.clip(1))) for each in edges], 0)
-    if depth is not None:
-        seen = torch.where(depth > 0, depth, depth.max()).double().clamp_min(1e-6)
-        far = median_filter(seen.log().numpy(), 5)
-        line = np.maximum(line, _long((gaussian_filter(far, 2) - far) / JUMP))
-        pale = np.exp(2 * (np.quantile(far, 0.3) - far) + 0.5).clip(0.25, 1)
-    calm = tone + (busy - 0.7).clip(0, 1) * (gaussian_filter(even, 12) - tone)
-    left = (1 - line * np.sqrt(pale)) * (1 - pale * _hatching(calm))
-    drawn = torch.from_numpy(GRAPHITE + (PAPER - GRAPHITE) * left).to(picture)
-    return drawn[..., None].repeat(1, 1, 3)
-
-
-def _even(tone: Map, radius: int) -> Map:
-    """The tone without grain: the guided filter of gsedit.paper.guided, by itself."""
-    from scipy.ndimage import uniform_filter
-
-    mean = partial(uniform_filter, size=2 * radius + 1)
-    slope = 1 - 0.01 / (0.01 + mean(tone * tone) - mean(tone) ** 2)
-    return mean(slope) * tone + mean((1 - slope) * mean(tone))
-
-
-def _long(edge: Map) -> Map:
-    """Edges as lines, in [0, 1], but for short ones."""
-    from scipy.ndimage import find_objects, label
-
-    line = edge.clip(0, 1)
-    found: Any = label(line > 0.3, np.ones((3, 3)))
-    parts = found[0]
-    sides = [np.hypot(*(each.stop - each.start for each in box)) for box in find_objects(parts)]
-    length = np.array([0.0, *sides]) / (GRAIN * max(edge.shape))
-    return line * (length[parts] - 0.4).clip(0, 1)
-
-
-def _hatching(tone: Map) -> Map:
-    """Strokes, the more and in more directions the darker it is, also against what is around."""
-    from scipy.ndimage import gaussian_filter
-
-    soft = _even(_even(gaussian_filter(tone, 1.5), 4), 4)
-    beside = soft - gaussian_filter(soft, 40)
-    beside = beside / (np.sqrt(gaussian_filter(beside**2, 40)) + 0.06)
-    soft = 0.4 * soft + 0.6 * (0.62 + 0.3 * beside).clip(0, 1)
-    y, x = np.indices(tone.shape)
-    left = np.ones_like(tone)
-    for number, (angle, begins) in enumerate(HATCHES):
-        turn = np.exp(1j * np.radians(angle)) * (x + 1j * y)
-        at = np.stack((turn.real / STROKE[0], turn.imag / STROKE[1], 0 * turn.real), -1)
-        grain = noise(torch.from_numpy(at).reshape(-1, 3), number).reshape(tone.shape).numpy()
-        share = ((begins - soft) / 0.35).clip(0, 1) * (0.42 * (1 + grain)).clip(0, 1)
-        left *= 1 - 0.7 * share
-    return 1 - left
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,8 +65,8 @@ class Painter:
     """Whether only the brightness of pictures is painted."""
     asked: tuple[Affine, ...] = ()
     """Affine maps of what is painted, which `in_styles` gives."""
-    draws: bool = False
-    """Whether it is drawn then, which `in_styles` tells."""
+    rules: tuple[str, ...] = ()
+    """Styles of `DRAWN` that it is drawn in then, which `in_styles` gives too."""
     cell: int = CELL
     stroke_batches: int = BATCHES
 
@@ -167,13 +82,18 @@ class Painter:
         return ", ".join(("painter", *details, *["colors kept"] * self.keep_colors))
 
     @property
+    def draws(self) -> bool:
+        """Whether it draws by rules."""
+        return bool(self.rules)
+
+    @property
     def capabilities(self) -> Capabilities:
         """It draws at a size of its own."""
         return Capabilities(best_size=BRUSH, enlarges=True)
 
     def check(self, prompt: str) -> None:
         """Raise UsageError where no style was given: it reads no prompt."""
-        if not (self.asked or self.draws):
+        if not (self.asked or self.rules):
             raise UsageError(f"{prompt!r}: the painter reads no words, tell it by `in_styles`")
 
     def in_styles(self, names: tuple[str, ...]) -> Painter:
@@ -184,18 +104,20 @@ class Painter:
             raise UsageError(Said("no picture is given", "like"))
         if self.like and named:
             raise UsageError(Said(f"{named[0]} is not the style of {self.like}", "unlike"))
-        maps = [self.styles[styles()[name]] for name in named if name != SKETCH]
-        maps = maps if SKETCH in named else maps or [self.styles[0]]
+        rules = tuple(name for name in named if name in DRAWN)
+        maps = [self.styles[styles()[name]] for name in named if name not in rules]
+        maps = maps if rules else maps or [self.styles[0]]
         asked = mixed(maps, [1.0] * len(maps)) if maps else ()
-        return replace(self, asked=asked, draws=SKETCH in named)
+        return replace(self, asked=asked, rules=rules)
 
     def pictures(
-        self, originals: Float[Tensor, "v h w 3"], depths: Float[Tensor, "v h w"] | None = None
+        self, originals: Float[Tensor, "v h w 3"], places: Places | None = None
     ) -> Float[Tensor, "v h w 3"]:
         """Pictures in the styles that are asked for, at full strength."""
         made = painted(self.network, originals, self.asked) if self.asked else originals
-        known = repeat(None) if depths is None else depths
-        return torch.stack([penciled(*each) for each in zip(made, known)]) if self.draws else made
+        for rule in self.rules:
+            made = drawn(rule, made, places)
+        return made
 
     @torch.no_grad()
     def edit(
@@ -204,7 +126,7 @@ class Painter:
         """Paint the originals; none is anchored to another. Raises UsageError as `check`."""
         self.check(batch.prompt)
         originals = batch.originals
-        change = self.pictures(originals, batch.depths) - originals
+        change = self.pictures(originals, batch.places) - originals
         if self.keep_colors:
             change = (change @ change.new_tensor(LUMINANCE))[..., None]
         yield EditProgress(1, 1, (originals + self.strength * change).clamp(0, 1))
