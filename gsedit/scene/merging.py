@@ -18,7 +18,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from gsedit.scene.framing import finest_pixels
-from gsedit.scene.morton import interleave
+from gsedit.scene.neighbors import interleave
 from gsedit.scene.outcome import NEW, Outcome
 from gsedit.scene.quaternions import principal_axes
 from rasterizer.camera import Camera

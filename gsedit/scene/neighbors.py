@@ -1,4 +1,5 @@
-"""Neighbors: how near they are, which points cover another, clusters, how far points extend.
+"""Neighbors: how near they are, which points cover another, clusters, how far points extend, and an
+order in which they are near each other.
 
 `n` Gaussians, `m` points. Time and memory depend on how many Gaussians there are, not on how far
 apart: a scene 10^6 wide costs what a small one does.
@@ -9,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from gsedit.scene.quaternions import rotations
-from gsedit.scene.shapes import Bool, Float, Float32, Float64, Int, Int64
+from gsedit.scene.shapes import Bool, Float, Float32, Float64, Int, Int64, UInt64
 from gsedit.scene.table import SplatTable
 
 NEIGHBORS = 8
@@ -183,3 +184,47 @@ def extent_of(points: Float[np.ndarray, "n 3"]) -> float:
     """The diagonal of the box that holds all but the outermost 2 % of the points."""
     low, high = np.quantile(points, (0.02, 0.98), axis=0)
     return float(np.linalg.norm(high - low))
+
+
+def morton_order(means: Float32[np.ndarray, "n 3"]) -> Int[np.ndarray, " n"]:
+    """The rows along the Z curve of their bounding box; equal places keep their order.
+
+    Rows that are not finite come last.
+    """
+    return np.argsort(morton_codes(means), kind="stable")
+
+
+def morton_codes(means: Float32[np.ndarray, "n 3"]) -> UInt64[np.ndarray, " n"]:
+    """The place of each row on the Z curve of the finite rows' bounding box."""
+    finite = np.asarray(np.isfinite(means).all(1))
+    if not finite.any():
+        return np.zeros(len(means), np.uint64)
+    inside = means if finite.all() else means[finite]
+    low = inside.min(0).astype(np.float64)
+    size = np.maximum(inside.max(0) - low, np.finfo(np.float32).tiny)
+    with np.errstate(invalid="ignore", over="ignore"):
+        cells = (means - low) / size * ((1 << 21) - 1)  # 63 bits of 64
+    codes = interleave(np.where(finite[:, None], cells, 0))
+    codes[~finite] = np.uint64(0xFFFFFFFFFFFFFFFF)
+    return codes
+
+
+def interleave(cells: np.ndarray) -> UInt64[np.ndarray, " n"]:
+    """Morton codes of integer cells (n 3, from 0 to 2^21 - 1); x has the lowest bit."""
+    codes = np.zeros(len(cells), np.uint64)
+    for axis in range(3):
+        codes |= _spread(cells[:, axis].astype(np.uint64)) << np.uint64(axis)
+    return codes
+
+
+def _spread(cells: UInt64[np.ndarray, " n"]) -> UInt64[np.ndarray, " n"]:
+    """Numbers with two zero bits after each of their lowest 21 bits."""
+    for shift, mask in (
+        (32, 0x1F00000000FFFF),
+        (16, 0x1F0000FF0000FF),
+        (8, 0x100F00F00F00F00F),
+        (4, 0x10C30C30C30C30C3),
+        (2, 0x1249249249249249),
+    ):
+        cells = (cells | (cells << np.uint64(shift))) & np.uint64(mask)
+    return cells

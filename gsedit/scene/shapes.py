@@ -10,7 +10,7 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING or "jaxtyping" in sys.modules:
-    from jaxtyping import Bool, Float, Float32, Float64, Int, Int64
+    from jaxtyping import Bool, Float, Float32, Float64, Int, Int64, UInt64
 else:
 
     class Unchecked:
@@ -19,11 +19,11 @@ else:
         def __class_getitem__(cls, item: Any) -> Any:
             return item[0]
 
-    Bool = Float = Float32 = Float64 = Int = Int64 = Unchecked
+    Bool = Float = Float32 = Float64 = Int = Int64 = UInt64 = Unchecked
 
 if TYPE_CHECKING or "torch" in sys.modules:
     from torch import Tensor
 else:
     Tensor = Any
 
-__all__ = ["Bool", "Float", "Float32", "Float64", "Int", "Int64", "Tensor"]
+__all__ = ["Bool", "Float", "Float32", "Float64", "Int", "Int64", "Tensor", "UInt64"]

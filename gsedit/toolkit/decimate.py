@@ -18,8 +18,7 @@ from jaxtyping import Float, Float64, Int
 
 from gsedit.errors import InputError, UsageError
 from gsedit.formats.validity import describe_invalid, invalid_rows
-from gsedit.scene.morton import morton_order
-from gsedit.scene.neighbors import NEIGHBORS, k_nearest
+from gsedit.scene.neighbors import NEIGHBORS, k_nearest, morton_order
 from gsedit.scene.quaternions import principal_axes, rotations
 from gsedit.scene.table import SplatTable, concatenate_tables, gaussians_of
 from gsedit.toolkit.operation import Say, Whole

@@ -10,7 +10,7 @@ from small_scenes import globe
 from gsedit import orbit
 from gsedit.bench.synthetic import surface_gaussians
 from gsedit.errors import InputError
-from gsedit.scene.morton import morton_codes
+from gsedit.scene.neighbors import morton_codes
 from gsedit.scene.table import SplatTable, concatenate_tables, gaussians_of, table_of
 from gsedit.toolkit import Decimate, Order, apply, merge
 from gsedit.toolkit.decimate import groups, log_determinant, moments_of, picture_change, represent

@@ -25,7 +25,7 @@ from gsedit.formats.ply.records import (
 )
 from gsedit.formats.quantised import bytes_of, from_smallest_three, logits_of, smallest_three
 from gsedit.formats.streams import AT_ONCE, Blocks, ReadOptions, SceneHeader, SceneSource, gather
-from gsedit.scene.morton import morton_order
+from gsedit.scene.neighbors import morton_order
 from gsedit.scene.table import SplatTable
 from rasterizer.numerics import color_to_sh
 

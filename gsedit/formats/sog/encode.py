@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Float32, Int32, Shaped, UInt8
 
 from gsedit.formats.quantised import smallest_three
-from gsedit.scene.morton import morton_order
+from gsedit.scene.neighbors import morton_order
 from gsedit.scene.table import SplatTable
 
 META = "meta.json"
