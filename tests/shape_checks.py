@@ -24,7 +24,7 @@ CHECK = beartype(conf=BeartypeConf(violation_type=TypeError))
 CALL = jaxtyped("context")
 """Axes have one size each in a call, and others in calls within it."""
 Check = Callable[[Any], Any]
-MOST = 8
+MOST = 2
 """Calls of a function that are checked in one test: small ones are called 100,000 times."""
 CALLS: Counter[int] = Counter()
 """Calls by the identity of the code; cleared before each test."""

@@ -162,7 +162,7 @@ def test_moss_clings_to_what_faces_up_and_the_old_surface_shows_below(ball):
 
 def test_needles_and_nothing_are_refused(ball):
     _, scene, own, cameras = ball
-    lost = needles(1500)
+    lost = needles(600)
     with pytest.raises(UsageError, match="no surface"):
         in_material(lost, torch.ones(len(lost), dtype=torch.bool), BRONZE, cameras[::6])
     with pytest.raises(UsageError, match="no Gaussian"):
