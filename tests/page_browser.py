@@ -10,7 +10,7 @@ import subprocess
 import time
 import urllib.request
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, closing, contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -52,8 +52,8 @@ def chromium() -> str | None:
 
 
 @contextmanager
-def browser() -> Iterator[Callable[..., Window]]:
-    """A browser with a new profile; opens windows on an address, of a size."""
+def browser() -> Iterator[Callable[..., AbstractContextManager[Window]]]:
+    """A browser with a new profile; opens windows on an address, of a size, for a while."""
     program = chromium()
     assert program is not None
     with TemporaryDirectory(ignore_cleanup_errors=True) as profile:
@@ -65,7 +65,7 @@ def browser() -> Iterator[Callable[..., Window]]:
             assert process.stderr is not None
             line = next(each for each in process.stderr if "DevTools listening on" in each)
             port = line.split("127.0.0.1:")[1].split("/")[0]
-            yield lambda address, size=(1000, 700): Window(port, address, size)
+            yield lambda address, size=(1000, 700): closing(Window(port, address, size))
         finally:
             os.killpg(process.pid, signal.SIGKILL)
             process.wait()
@@ -91,6 +91,11 @@ class Window:
             mobile=False,
         )  # fmt: skip
         self.call("Page.navigate", url=address)
+
+    def close(self) -> None:
+        """Close it, and all that its page holds open."""
+        self.call("Page.close")
+        self._socket.close()
 
     def call(self, method: str, **parameters: Any) -> Any:
         """Call a method of devtools, and return its result."""
