@@ -57,8 +57,6 @@ def test_gsedit_edit_is_the_function_in_any_order_of_imports():
         [
             "",
             "import gsedit.editing.edit, gsedit.capture.fitting.fit",
-            "from gsedit.editing.edit import EditSettings",
-            "from importlib import import_module; import_module('gsedit.editing.edit')",
             "from gsedit import edit; import gsedit.editing.edit",
             "from gsedit import EditSettings",
         ],
