@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 import warnings
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -72,6 +73,7 @@ def test_the_help_of_a_verb_is_one_screen_with_an_example(verb, monkeypatch):
         assert option in result.stdout
 
 
+@cache
 def every_command() -> dict[str, Any]:
     """Each verb as typer makes it, by the words that name it."""
     commands: dict[str, Any] = {}
