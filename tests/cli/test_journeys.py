@@ -226,8 +226,9 @@ def test_a_thing_is_edited_by_a_click_a_name_and_a_mask(place, tmp_path):
     }.items():  # fmt: skip
         out, picture = tmp_path / name, tmp_path / f"{name}.png"
         folder = names(tmp_path)
-        answer("edit", scene, *words, *small, "--preview", "-o", picture)
-        assert names(tmp_path) - folder == {picture.name}
+        if name in ("click", "mask"):
+            answer("edit", scene, *words, *small, "--preview", "-o", picture)
+            assert names(tmp_path) - folder == {picture.name}
         told = answer("edit", scene, *words, *small, "-o", out)
         assert told["folder"] == str(out)
         assert names(out) >= {"scene.ply", "region.npy", "edit.json", "before_after.png"}
@@ -262,9 +263,8 @@ def test_a_scene_is_measured_compared_and_exported(place, tmp_path):
     assert told["worst_view"] in {each["name"] for each in told["views"]}
     assert min(Image.open(tmp_path / "diff.png").size) > 250
 
-    for suffix in (".glb", ".obj"):
-        mesh = tmp_path / f"mesh{suffix}"
-        told = answer("mesh", scene, "--faces", 300, "-o", mesh)
-        assert told["mesh"] == str(mesh)
-        assert mesh.stat().st_size > 1000
-        assert 4 <= told["faces"] <= 300
+    mesh = tmp_path / "mesh.glb"
+    told = answer("mesh", scene, "--faces", 300, "-o", mesh)
+    assert told["mesh"] == str(mesh)
+    assert mesh.stat().st_size > 1000
+    assert 4 <= told["faces"] <= 300
