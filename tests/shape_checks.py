@@ -3,7 +3,8 @@
 The option --jaxtyping-packages decorates all functions of the tree with `jaxtyping.jaxtyped`, which
 binds the arguments of a call and checks them twice: a third of all time that the tests took.
 `checked` takes its place: it checks them once, and the result, with the same sizes of axes; and of
-many calls in one test the first MOST. What is not called is not prepared for it either.
+many calls in one test the first MOST. What is not called is not prepared for it either, and what
+has no tensors is left to the checker of types.
 """
 
 from __future__ import annotations
@@ -58,6 +59,8 @@ def _some(function: Callable[..., Any]) -> Callable[..., Any]:
     number, strict = id(function.__code__), None
     if number not in HINTS:  # now: a test may put another class in the place of a named one
         HINTS[number] = function.__code__, _hints(function)
+    if "Tensor" not in str(HINTS[number][1] or "Tensor"):
+        return function
 
     @wraps(function)
     def call(*args: Any, **kwargs: Any) -> Any:
