@@ -163,6 +163,9 @@ def test_bash_is_told_what_may_follow(words, found):
     number = str(len(words.split(" ")) - 1)
     said = asked(COMP_WORDS=words, COMP_CWORD=number, _GSEDIT_COMPLETE="complete_bash")
     assert said.split() == found
+
+
+def test_zsh_is_told_how_to_ask():
     assert "_GSEDIT_COMPLETE" in asked(_GSEDIT_COMPLETE="source_zsh")
 
 
