@@ -1,4 +1,4 @@
-"""Grader of read sentences against a file of them: counts by tag, and opposites."""
+"""Grader of read sentences against a file of them: counts, and opposites."""
 
 from __future__ import annotations
 
@@ -201,24 +201,21 @@ def grade(entry: dict[str, Any], changes: tuple[Change, ...], known: bool) -> st
     return "right" if known and any(fulfils(made, each) for each in asked) else "wrong"
 
 
-def graded(path: Path) -> tuple[Counter[str], dict[str, Counter[str]], list[tuple[str, str]]]:
-    """(counts, counts by tag, sentences that are not right with their grade) of a file."""
-    total, tags, missed = Counter[str](), dict[str, Counter[str]](), list[tuple[str, str]]()
+def graded(path: Path) -> tuple[Counter[str], list[tuple[str, str]]]:
+    """(counts, sentences that are not right with their grade) of a file."""
+    total, missed = Counter[str](), list[tuple[str, str]]()
     entries = json.loads(path.read_text(encoding="utf-8"))
     for entry, read in zip(entries, read_all(each["text"] for each in entries)):
         result = grade(entry, read.changes, read.known)
         total[result] += 1
-        for tag in entry["tags"]:
-            tags.setdefault(tag, Counter())[result] += 1
         if result in ("wrong", "opposite"):
             missed.append((result, f"{entry['text']!r} -> {read}"))
-    return total, tags, missed
+    return total, missed
 
 
 if __name__ == "__main__":
-    counts, by_tag, misses = graded(Path(sys.argv[1]))
+    counts, misses = graded(Path(sys.argv[1]))
     lines = [str(dict(counts))]
-    lines += [f"{tag:<16} {dict(each)}" for tag, each in sorted(by_tag.items())]
     if "-v" in sys.argv:
         lines += [f"{result}: {text}" for result, text in misses]
     sys.stdout.write("\n".join(lines) + "\n")

@@ -26,10 +26,7 @@ FOLDERS = 16
 PACKAGES = {"cli": "gsedit_cli", "gsedit": "gsedit", "rasterizer": "rasterizer"}
 
 
-@cache
-def nodes(path: Path) -> list[ast.AST]:
-    """All of the syntax of a file."""
-    return list(ast.walk(ast.parse(path.read_text())))
+nodes = cache(lambda path: list(ast.walk(ast.parse(path.read_text()))))
 
 
 def sources(*folders: str) -> list[Path]:

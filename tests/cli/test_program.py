@@ -12,14 +12,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-import typer
 from bad_files import BAD_FILES, PLY_COLUMNS, BadFile, ply_bytes, scene_table
-from command_line import answer, files, gsedit, one_line
+from command_line import answer, files, gsedit, one_line, program
 from gsedit_cli import main
 from gsedit_cli.core.console import shown
 from gsedit_cli.core.exits import Interrupted
 from gsedit_cli.core.progress import NOTEBOOK, progress
-from gsedit_cli.main import app
 
 from gsedit import Event
 from gsedit.errors import GseditError, InputError, UsageError
@@ -77,8 +75,7 @@ def test_the_help_of_a_verb_is_one_screen_with_an_example(verb, monkeypatch):
 def every_command() -> dict[str, Any]:
     """Each verb as typer makes it, by the words that name it."""
     commands: dict[str, Any] = {}
-    program: Any = typer.main.get_command(app)
-    for verb, lazy in program.commands.items():
+    for verb, lazy in program().commands.items():
         command = lazy.make()
         commands[verb] = command
         for name, inner in getattr(command, "commands", {}).items():

@@ -43,7 +43,7 @@ def only(sentence: str) -> Change:
 )  # fmt: skip
 def test_sentences_are_read_and_none_is_done_the_opposite_way(name, count, least):
     """The least is two below the measured (docs/measurements/instructions.md)."""
-    counts, _, _ = graded(DATA / f"{name}.json")
+    counts, _ = graded(DATA / f"{name}.json")
     assert counts["opposite"] == 0
     assert counts["right"] + counts["refused rightly"] >= least
     assert counts.total() == count
