@@ -127,14 +127,6 @@ def test_light_commands_load_nothing_heavy(words, scene, tmp_path):
     assert done.returncode == 0, done.stderr
 
 
-def test_core_commands_do_without_the_viewers(scene, tmp_path, monkeypatch):
-    for name in ("open3d", "pyvista", "vtk"):
-        monkeypatch.setitem(sys.modules, name, None)
-    for words in (("info",), ("render", "--count", 1, "--size", 16, "-o", tmp_path / "out")):
-        answer(words[0], scene, *words[1:])
-    assert (tmp_path / "out/view_000.png").exists()
-
-
 CODE = "import sys; sys.argv = ['gsedit']; from gsedit_cli.main import main; main()"
 
 
