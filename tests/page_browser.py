@@ -130,7 +130,7 @@ class Window:
         before, script = None, _PLACE % json.dumps(label)
         while (place := self.wait(lambda: self.run(script))) != before:
             before = place  # what is above it may be moving it
-            self.sleep(0.1)
+            time.sleep(0.1)
         self.click(*place)
 
     def write(self, label: str, text: str) -> None:
@@ -168,10 +168,6 @@ class Window:
         names = {"key": key, "code": f"Key{key.upper()}", "windowsVirtualKeyCode": code}
         for kind in ("keyDown", "keyUp"):
             self.call("Input.dispatchKeyEvent", type=kind, modifiers=modifiers, **names)
-
-    def sleep(self, seconds: float) -> None:
-        """Wait so many seconds."""
-        time.sleep(seconds)
 
     def _hear(self, told: dict[str, Any]) -> None:
         given = told.get("params", {})

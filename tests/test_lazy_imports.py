@@ -26,7 +26,6 @@ def python(code: str) -> subprocess.CompletedProcess[str]:
         "gsedit.capture.fitting.settings",
         "gsedit.formats.registry",
         "rasterizer.numerics",
-        "gsedit_cli.main",
     ],
 )
 def test_light_modules_do_not_load_torch(module):

@@ -1,6 +1,7 @@
 """The page as a person uses it: a real browser, a tiny scene."""
 
 from pathlib import Path
+from time import sleep
 
 import pytest
 from command_line import answer, names
@@ -49,7 +50,7 @@ def clicked(window, page, x, y):
         if page.selection is not None:
             return True
         window.run("1")
-        window.sleep(0.05)
+        sleep(0.05)
     return False
 
 
@@ -67,7 +68,7 @@ def edit(window, page):
 
 def export(window, page, tmp_path):
     # looks that arrive above move it away from a press
-    window.wait(lambda: window.press("File") or window.sleep(1.0) or "Export" in window.text())
+    window.wait(lambda: window.press("File") or sleep(1.0) or "Export" in window.text())
     window.press("Export")
     files = lambda: list((page.folder / "exports").glob("bear*"))  # noqa: E731
     window.wait(lambda: files() and page.busy is None, 40)
@@ -112,7 +113,7 @@ def press_number(window):
     """Click on a number that lies on the picture, as it may be laid anew meanwhile."""
     if place := middle(window, "#over button"):
         window.click(*place)
-    window.sleep(0.2)
+    sleep(0.2)
 
 
 def test_messages_are_one_at_a_time_and_all_controls_have_names(scene, page, opened):

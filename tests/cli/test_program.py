@@ -101,6 +101,7 @@ def test_the_program_alone_says_what_it_has():
     result = gsedit()
     assert result.exit_code == 2
     assert "view" in result.output
+    assert "_GSEDIT_COMPLETE" in asked(_GSEDIT_COMPLETE="source_zsh")
 
 
 LIGHT = (
@@ -152,10 +153,6 @@ def test_bash_is_told_what_may_follow(words, found):
     number = str(len(words.split(" ")) - 1)
     said = asked(COMP_WORDS=words, COMP_CWORD=number, _GSEDIT_COMPLETE="complete_bash")
     assert said.split() == found
-
-
-def test_zsh_is_told_how_to_ask():
-    assert "_GSEDIT_COMPLETE" in asked(_GSEDIT_COMPLETE="source_zsh")
 
 
 @pytest.mark.parametrize(

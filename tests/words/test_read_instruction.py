@@ -194,13 +194,6 @@ def test_what_asks_for_nothing_is_refused_with_a_reason(sentence):
     assert read.why
 
 
-def test_a_record_is_one_line_of_json():
-    line = read_instruction("paint it red").as_json()
-    assert line.startswith('{"known": true, "why": ')
-    assert '"changes": [{"target": "subject", "kind": "paint", "name": "red"' in line
-    assert "\n" not in line
-
-
 @pytest.mark.parametrize(
     "sentence",
     [
