@@ -21,7 +21,7 @@ from rasterizer import render
 
 @pytest.fixture(autouse=True)
 def short_search(quick_search):
-    """What is found where a command searches for views is tested elsewhere."""
+    """Commands that search for views find some soon: which is tested elsewhere."""
 
 
 @pytest.fixture

@@ -99,7 +99,7 @@ def test_too_bright_light_keeps_its_hue():
 
 @pytest.fixture(scope="module")
 def bronze(ball):
-    """What a ball of bronze becomes."""
+    """The ball in bronze."""
     _, scene, own, cameras = ball
     return in_material(scene, own, BRONZE, cameras)
 
