@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import pytest
 from gsedit_cli import main as cli
+from typer.main import get_command
 from typer.testing import CliRunner
 
 from gsedit import Checkpoint, Event
@@ -25,8 +27,22 @@ EDIT = (
 """Sentence and options of an edit of a second, whose update is in steps."""
 
 
+@cache
+def program() -> Any:
+    """The whole command, which keeps the options of each verb once they are made."""
+    made = get_command(cli.app)
+    for verb in made.commands.values():
+        verb.make = cache(verb.make)
+    return made
+
+
 def gsedit(*words: object):
-    return CliRunner().invoke(cli.app, [str(word) for word in words])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("typer.testing._get_command", lambda _: program())
+        done = CliRunner().invoke(cli.app, [str(word) for word in words])
+    if "--help-all" in words:  # which shows what was hidden, for good
+        program.cache_clear()
+    return done
 
 
 def answer(*words: object) -> dict[str, Any]:

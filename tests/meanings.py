@@ -16,9 +16,10 @@ from difflib import SequenceMatcher
 from pathlib import Path
 from typing import Any
 
+from sentence_grades import read_all
+
 from gsedit.words import colors
 from gsedit.words.instruction import Change, Instruction
-from gsedit.words.read import read_instruction
 from gsedit.words.scan import scanned
 
 GOOD = ("right", "rightly refused")
@@ -341,11 +342,9 @@ def kind_of(entry: dict[str, Any]) -> str:
 
 
 def graded(rows: Iterable[dict[str, Any]]) -> list[tuple[dict[str, Any], str, bool, Instruction]]:
-    found = []
-    for entry in rows:
-        read = read_instruction(entry["text"])
-        found.append((entry, *grade(entry, read), read))
-    return found
+    rows = list(rows)
+    made = zip(rows, read_all(each["text"] for each in rows))
+    return [(entry, *grade(entry, read), read) for entry, read in made]
 
 
 def main(args: list[str]) -> None:

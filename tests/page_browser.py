@@ -10,7 +10,7 @@ import subprocess
 import time
 import urllib.request
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, closing, contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -52,8 +52,8 @@ def chromium() -> str | None:
 
 
 @contextmanager
-def browser() -> Iterator[Callable[..., Window]]:
-    """A browser with a new profile; opens windows on an address, of a size."""
+def browser() -> Iterator[Callable[..., AbstractContextManager[Window]]]:
+    """A browser with a new profile; opens windows on an address, of a size, for a while."""
     program = chromium()
     assert program is not None
     with TemporaryDirectory(ignore_cleanup_errors=True) as profile:
@@ -65,7 +65,7 @@ def browser() -> Iterator[Callable[..., Window]]:
             assert process.stderr is not None
             line = next(each for each in process.stderr if "DevTools listening on" in each)
             port = line.split("127.0.0.1:")[1].split("/")[0]
-            yield lambda address, size=(1000, 700): Window(port, address, size)
+            yield lambda address, size=(1000, 700): closing(Window(port, address, size))
         finally:
             os.killpg(process.pid, signal.SIGKILL)
             process.wait()
@@ -91,6 +91,11 @@ class Window:
             mobile=False,
         )  # fmt: skip
         self.call("Page.navigate", url=address)
+
+    def close(self) -> None:
+        """Close it, and all that its page holds open."""
+        self.call("Page.close")
+        self._socket.close()
 
     def call(self, method: str, **parameters: Any) -> Any:
         """Call a method of devtools, and return its result."""
@@ -125,7 +130,7 @@ class Window:
         before, script = None, _PLACE % json.dumps(label)
         while (place := self.wait(lambda: self.run(script))) != before:
             before = place  # what is above it may be moving it
-            self.sleep(0.1)
+            time.sleep(0.1)
         self.click(*place)
 
     def write(self, label: str, text: str) -> None:
@@ -163,10 +168,6 @@ class Window:
         names = {"key": key, "code": f"Key{key.upper()}", "windowsVirtualKeyCode": code}
         for kind in ("keyDown", "keyUp"):
             self.call("Input.dispatchKeyEvent", type=kind, modifiers=modifiers, **names)
-
-    def sleep(self, seconds: float) -> None:
-        """Wait so many seconds."""
-        time.sleep(seconds)
 
     def _hear(self, told: dict[str, Any]) -> None:
         given = told.get("params", {})

@@ -26,7 +26,7 @@ if "--fail" in rest:
     sys.exit(print(json.dumps(error)) or 2)
 event = {"type": "event", "stage": "fit", "seconds": 0.1, "step": 1, "steps": 2}
 print(json.dumps(event), flush=True)
-out = Path(rest[rest.index("-o") + 1])
+out = Path(rest[rest.index("-o") + 1] if "-o" in rest else rest[0])
 file = out / "scene.ply" if verb == "edit" else out
 file.parent.mkdir(parents=True, exist_ok=True)
 shutil.copyfile(scene, file)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import torch
 from mixtures import MixtureProblem, noised_draw
+from small_scenes import generator
 
 from gsedit.paper.diffusion.guidance import Pair
 from gsedit.paper.diffusion.sampler import levels_of, sample
@@ -40,10 +41,6 @@ UNGUIDED = SamplerSettings(
 def last(states):
     *_, state = states
     return state
-
-
-def generator(seed: int = 0) -> torch.Generator:
-    return torch.Generator().manual_seed(seed)
 
 
 def run(model: MixtureProblem, settings: SamplerSettings, **options) -> torch.Tensor:

@@ -3,7 +3,8 @@
 The option --jaxtyping-packages decorates all functions of the tree with `jaxtyping.jaxtyped`, which
 binds the arguments of a call and checks them twice: a third of all time that the tests took.
 `checked` takes its place: it checks them once, and the result, with the same sizes of axes; and of
-many calls in one test the first MOST. What is not called is not prepared for it either.
+many calls in one test the first MOST. What is not called is not prepared for it either, and what
+has no tensors is left to the checker of types.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ CHECK = beartype(conf=BeartypeConf(violation_type=TypeError))
 CALL = jaxtyped("context")
 """Axes have one size each in a call, and others in calls within it."""
 Check = Callable[[Any], Any]
-MOST = 8
+MOST = 2
 """Calls of a function that are checked in one test: small ones are called 100,000 times."""
 CALLS: Counter[int] = Counter()
 """Calls by the identity of the code; cleared before each test."""
@@ -58,6 +59,8 @@ def _some(function: Callable[..., Any]) -> Callable[..., Any]:
     number, strict = id(function.__code__), None
     if number not in HINTS:  # now: a test may put another class in the place of a named one
         HINTS[number] = function.__code__, _hints(function)
+    if "Tensor" not in str(HINTS[number][1] or "Tensor"):
+        return function
 
     @wraps(function)
     def call(*args: Any, **kwargs: Any) -> Any:

@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 import typer
+from command_line import program
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -26,9 +27,7 @@ def commands(text: str) -> list[str]:
 @cache
 def verb(name: str) -> Any:
     """The command of `gsedit NAME`, or None."""
-    from gsedit_cli.main import app
-
-    group: Any = typer.main.get_command(app)
+    group = program()
     found = group.get_command(typer.Context(group), name)
     return found and found.make_context(name, [], resilient_parsing=True).command
 

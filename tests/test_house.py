@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -25,6 +26,9 @@ FOLDERS = 16
 PACKAGES = {"cli": "gsedit_cli", "gsedit": "gsedit", "rasterizer": "rasterizer"}
 
 
+nodes = cache(lambda path: list(ast.walk(ast.parse(path.read_text()))))
+
+
 def sources(*folders: str) -> list[Path]:
     return sorted(path for folder in folders for path in (ROOT / folder).rglob("*.py"))
 
@@ -39,7 +43,7 @@ def imported(path: Path, modules: set[str]) -> set[str]:
     name = module_name(path)
     package = name if path.name == "__init__.py" else name.rpartition(".")[0]
     found = set()
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in nodes(path):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
@@ -69,7 +73,7 @@ def test_the_whole_house_is_capped(part):
 def test_functions_are_short():
     long = []
     for path in sources("cli", "gsedit", "rasterizer", "tests", "examples"):
-        for node in ast.walk(ast.parse(path.read_text())):
+        for node in nodes(path):
             if isinstance(node, ast.FunctionDef):
                 lines = (node.end_lineno or 0) - node.lineno + 1
                 first = node.body[0]

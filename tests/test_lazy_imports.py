@@ -26,7 +26,6 @@ def python(code: str) -> subprocess.CompletedProcess[str]:
         "gsedit.capture.fitting.settings",
         "gsedit.formats.registry",
         "rasterizer.numerics",
-        "gsedit_cli.main",
     ],
 )
 def test_light_modules_do_not_load_torch(module):
@@ -46,22 +45,17 @@ for code in sys.argv[1:]:
 """
 
 
-def in_turn(firsts: list[str], then: str) -> subprocess.CompletedProcess[str]:
-    """Run code after each of some others; every time the tree is imported afresh, torch once."""
-    codes = [f"{first}\n{then}" for first in firsts]
+def in_turn(codes: list[str]) -> subprocess.CompletedProcess[str]:
+    """Run some code after other; every time the tree is imported afresh, torch once."""
     return subprocess.run([sys.executable, "-c", AFRESH, *codes], capture_output=True, text=True)
 
 
-def test_gsedit_edit_is_the_function_in_any_order_of_imports():
-    done = in_turn(
-        [
-            "",
-            "import gsedit.editing.edit, gsedit.capture.fitting.fit",
-            "from gsedit.editing.edit import EditSettings",
-            "from importlib import import_module; import_module('gsedit.editing.edit')",
-            "from gsedit import edit; import gsedit.editing.edit",
-            "from gsedit import EditSettings",
-        ],
+def test_functions_are_what_they_are_called_in_any_order_of_imports():
+    firsts = (
+        "", "import gsedit.editing.edit, gsedit.capture.fitting.fit",
+        "from gsedit import edit; import gsedit.editing.edit", "from gsedit import EditSettings",
+    )  # fmt: skip
+    edit = (
         "import sys, types, gsedit\n"
         "assert not {'open3d', 'pyvista', 'vtk'} & set(sys.modules)\n"
         "from gsedit import edit\n"
@@ -69,21 +63,18 @@ def test_gsedit_edit_is_the_function_in_any_order_of_imports():
         "assert gsedit.edit is edit\n"
         "from gsedit.editing.edit import edit_steps\n"
         "assert isinstance(sys.modules['gsedit.editing.edit'], types.ModuleType)\n"
-        "assert edit_steps is gsedit.edit_steps\n",
+        "assert edit_steps is gsedit.edit_steps\n"
     )
-    assert done.returncode == 0, done.stderr
-
-
-def test_rasterizer_render_is_the_function_in_any_order_of_imports():
-    done = in_turn(
-        ["", "import rasterizer.render, rasterizer.rasterization"],
+    render = (
         "import types, rasterizer\n"
         "from rasterizer import rasterization, render\n"
         "assert isinstance(render, types.FunctionType), render\n"
         "assert isinstance(rasterization, types.FunctionType), rasterization\n"
         "from rasterizer.render import render as same\n"
-        "assert rasterizer.render is same is render\n",
+        "assert rasterizer.render is same is render\n"
     )
+    before = "import rasterizer.render, rasterizer.rasterization"
+    done = in_turn([*(f"{each}\n{edit}" for each in firsts), render, f"{before}\n{render}"])
     assert done.returncode == 0, done.stderr
 
 
@@ -102,9 +93,9 @@ def test_public_names_are_those_imported_for_type_checkers(package):
 
 
 def test_to_read_and_paint_loads_no_compiler_of_torch():
-    done = in_turn(
-        ["import sys; from gsedit.paper.editors import make_editor; make_editor()"],
+    done = python(
+        "import sys; from gsedit.paper.editors import make_editor; make_editor()\n"
         "from gsedit.words.read import read_instruction; read_instruction('like Van Gogh')\n"
-        "assert not {'torch._dynamo', 'sympy'} & set(sys.modules)\n",
+        "assert not {'torch._dynamo', 'sympy'} & set(sys.modules)\n"
     )
     assert done.returncode == 0, done.stderr

@@ -8,7 +8,7 @@ from gsedit.run.environment import EXTRAS
 OF_NETWORKS = ("diffusers", "transformers", "accelerate", "openvino", "stlpips_pytorch", "sympy")
 """The last is of torch's compiler, which takes more than half a second to load."""
 BARE = """
-import importlib, pkgutil, sys
+import contextlib, importlib, pkgutil, sys
 
 class Absent:
     def find_spec(self, name, path=None, target=None):
@@ -34,8 +34,10 @@ import_viser()
 gsedit.save(surface_gaussians(demo_scene(), 1000, torch.Generator().manual_seed(0)), "a.ply")
 ring = enumerate(ring_cameras(demo_scene(), 2, 64))
 write_cameras([Viewpoint(str(i), each) for i, each in ring], "cameras.json")
-sys.argv = ["gsedit", "edit", "a.ply", "paint it red", "-o", "out", "--size", "64"]
-main()
+for words in (["render", "a.ply", "-o", "shown"], ["edit", "a.ply", "paint it red", "-o", "out"]):
+    sys.argv = ["gsedit", *words, "--size", "64"]
+    with contextlib.suppress(SystemExit):
+        main()
 """
 
 
@@ -47,3 +49,4 @@ def test_the_core_works_without_any_extra(tmp_path):
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "out/scene.ply").stat().st_size > 0
+    assert len([*(tmp_path / "shown").iterdir()]) == 2

@@ -22,11 +22,8 @@ def points(tmp_path):
     return path
 
 
-def test_every_case_is_measured_with_its_errors(points, monkeypatch):
-    for name, small in (("RUNS", 1), ("TRAINED_GAUSSIANS", 200), ("TRAINED_SIDE", 16),
-                        ("CROP_SIDE", 8)):  # fmt: skip
-        monkeypatch.setattr(speed, name, small)
-    items = list(speed.measure_targets(points))
+def test_every_case_is_measured_with_its_errors(points):
+    items = list(speed.measure_targets(points, 1, speed.cases(points, 200, 16, 8)))
     events = [item for item in items if isinstance(item, Event)]
     rows = [item for item in items if isinstance(item, speed.Speed)]
     assert events[-1].step == events[-1].steps == 4

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-from functools import partial
 from pathlib import Path
+from shutil import copytree
 
 import numpy as np
 import pytest
@@ -14,18 +14,14 @@ from PIL import Image
 from playroom import playroom
 
 from gsedit import save
-from gsedit.views.around import find_views
 from gsedit.views.cameras_json import write_cameras
-from gsedit.views.search import SearchEffort
 from gsedit.views.viewpoints import Viewpoint
 from rasterizer import render
 
 
 @pytest.fixture(autouse=True)
-def short_search(monkeypatch):
-    """Few places where a command searches for views: what is found is tested elsewhere."""
-    few = SearchEffort(places=12, kept=4, rendered=6)
-    monkeypatch.setattr("gsedit.views.around.find_views", partial(find_views, effort=few))
+def short_search(quick_search):
+    """Commands that search for views find some soon: which is tested elsewhere."""
 
 
 @pytest.fixture
@@ -65,3 +61,9 @@ def room(tmp_path_factory) -> Path:
     record = {"w": 48, "h": 48, "fl_x": camera.fx, "fl_y": camera.fy, "frames": frames}
     (folder / "photos/transforms.json").write_text(json.dumps(record))
     return folder
+
+
+@pytest.fixture
+def place(room, tmp_path) -> Path:
+    """A copy of the room's folder, to write into."""
+    return Path(copytree(room, tmp_path / "room"))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 import sys
 from pathlib import Path
 from typing import get_args
@@ -15,6 +14,7 @@ from command_line import EDIT, FIT, answer, ended_early, files, gsedit, names, r
 from defective import invalid, unwanted
 from PIL import Image
 from playroom import playroom
+from regions_iou import iou
 
 from gsedit import load, load_dataset
 from gsedit.formats.files import write_scene
@@ -35,16 +35,6 @@ for path in Path(sys.argv[1]).iterdir():
     Image.fromarray((255 * mask).astype(np.uint8)).save(Path(sys.argv[2]) / path.name)
 """
 """A program that masks what is red."""
-
-
-@pytest.fixture
-def place(room, tmp_path) -> Path:
-    """A copy of the room's folder, to write into."""
-    return Path(shutil.copytree(room, tmp_path / "room"))
-
-
-def shared(flags: np.ndarray, true: np.ndarray) -> float:
-    return (flags & true).sum() / (flags | true).sum()
 
 
 def test_a_scene_is_read_converted_and_told_about(scene, tmp_path):
@@ -203,7 +193,7 @@ def measure_and_go_on(out, scene, own, tmp_path):
 
 
 def test_a_thing_is_edited_by_a_click_a_name_and_a_mask(place, tmp_path):
-    scene, true = place / "room.ply", playroom().of("red ball").numpy()
+    scene, true = place / "room.ply", playroom().of("red ball")
     clicked, drawn = tmp_path / "clicked.npy", tmp_path / "drawn.npy"
     small = ("--size", 96)
     answer("select", scene, *small, "--at", BALL, "--as", "the ball", "-o", clicked)
@@ -211,7 +201,7 @@ def test_a_thing_is_edited_by_a_click_a_name_and_a_mask(place, tmp_path):
     program = f"{sys.executable} {tmp_path / 'reds.py'} {{input}} {{output}}"
     masks = ("--masks", "command", "--masks-run", program)
     answer("select", scene, *small, *masks, "--phrase", "the pomegranate", "-o", drawn)
-    assert min(shared(np.load(each), true) for each in (clicked, drawn)) > 0.8
+    assert min(iou(np.load(each), true) for each in (clicked, drawn)) > 0.8
     found = answer("select", scene, *small, "--objects", "-o", tmp_path / "objects.png")
     assert {"red", "blue", "white", "yellow", "ground"} <= {s["name"] for s in found["segments"]}
     assert sum(each["gaussians"] for each in found["segments"]) == len(true)
@@ -226,8 +216,9 @@ def test_a_thing_is_edited_by_a_click_a_name_and_a_mask(place, tmp_path):
     }.items():  # fmt: skip
         out, picture = tmp_path / name, tmp_path / f"{name}.png"
         folder = names(tmp_path)
-        answer("edit", scene, *words, *small, "--preview", "-o", picture)
-        assert names(tmp_path) - folder == {picture.name}
+        if name in ("click", "mask"):
+            answer("edit", scene, *words, *small, "--preview", "-o", picture)
+            assert names(tmp_path) - folder == {picture.name}
         told = answer("edit", scene, *words, *small, "-o", out)
         assert told["folder"] == str(out)
         assert names(out) >= {"scene.ply", "region.npy", "edit.json", "before_after.png"}
@@ -262,9 +253,8 @@ def test_a_scene_is_measured_compared_and_exported(place, tmp_path):
     assert told["worst_view"] in {each["name"] for each in told["views"]}
     assert min(Image.open(tmp_path / "diff.png").size) > 250
 
-    for suffix in (".glb", ".obj"):
-        mesh = tmp_path / f"mesh{suffix}"
-        told = answer("mesh", scene, "--faces", 300, "-o", mesh)
-        assert told["mesh"] == str(mesh)
-        assert mesh.stat().st_size > 1000
-        assert 4 <= told["faces"] <= 300
+    mesh = tmp_path / "mesh.glb"
+    told = answer("mesh", scene, "--faces", 300, "-o", mesh)
+    assert told["mesh"] == str(mesh)
+    assert mesh.stat().st_size > 1000
+    assert 4 <= told["faces"] <= 300

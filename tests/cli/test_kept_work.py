@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 import signal
 import subprocess
 import sys
 import time
 from importlib import import_module
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,11 +21,6 @@ from gsedit.run.state import State, load_state, save_state
 from gsedit.scene.similarity import similarity_of
 from gsedit.views.cameras_json import read_cameras
 from gsedit.views.export_frame import NAME, write_dataparser
-
-
-@pytest.fixture
-def place(room, tmp_path) -> Path:
-    return Path(shutil.copytree(room, tmp_path / "room"))
 
 
 @pytest.fixture

@@ -23,7 +23,7 @@ def video(tmp_path_factory):
     """A short walk around the box; of two frames at each place, the second is blurred."""
     room, lens = Room(), RealLens(224, 224, 0.8 * 224)
     frames = []
-    for pose in walk(10, degrees=140):
+    for pose in walk(8, degrees=112):
         picture = room.photo(pose, lens)
         shaken = np.mean([np.roll(picture, shift, 1) for shift in range(6)], 0)
         frames += [picture, shaken.astype(np.uint8)]
@@ -46,16 +46,16 @@ def test_a_video_becomes_an_edited_scene(video, tmp_path, monkeypatch):
     monkeypatch.setattr(verb, "settings_from", lambda *a: settings(settings_from(*a)))
     out = tmp_path / "out"
     words = "make", video, "as a woodcut", "-o", out, "--size", 48
-    done = gsedit(*words, "--minutes", 0.02, "--frames", 10)
+    done = gsedit(*words, "--minutes", 0.02, "--frames", 8)
     assert done.exit_code == 0, done.stderr
-    assert "10 of 10 photos posed" in done.stderr
+    assert "8 of 8 photos posed" in done.stderr
     assert "capture.png is not drawn: no OpenGL" in done.stderr  # and the work went on
     for name in ("scene.ply", "edit/scene.ply", "edit/before_after.png"):
         assert (out / name).is_file(), name
     names = sorted(path.stem for path in (out / "capture" / "images").iterdir())
-    assert [int(name.removeprefix("frame_")) % 2 for name in names] == [0] * 10  # the sharp ones
+    assert [int(name.removeprefix("frame_")) % 2 for name in names] == [0] * 8  # the sharp ones
     before = np.asarray(Image.open(out / "edit" / "before_after.png"))
     assert before.std() > 10
-    again = gsedit(*words, "--minutes", 0.02, "--frames", 10)
+    again = gsedit(*words, "--minutes", 0.02, "--frames", 8)
     assert again.exit_code == 0
     assert again.stderr.count("done before") == 3

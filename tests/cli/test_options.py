@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 
 import pytest
 import typer
-from command_line import gsedit
+from command_line import gsedit, program
 from gsedit_cli.core.command import (
     Settings,
     VerbCommand,
@@ -164,9 +164,11 @@ def add_strategy(monkeypatch, tmp_path):
             + "".join(f"    {field}\n" for field in fields)
             + "    def schedule(self, session): return iter(())\n"
         )
+        program.cache_clear()  # it has another choice now
         return strategies.find_strategy(name)
 
     yield add
+    program.cache_clear()
     for module in added:
         sys.modules.pop(f"{strategies.__name__}.{module}", None)
         delattr(strategies, module)

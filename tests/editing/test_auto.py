@@ -32,7 +32,7 @@ def test_masks_are_refused_where_a_2d_editor_draws():
         gsedit.edit(tiny_edits.scene(), "as gold", editor=make_editor("closed-form"), **given)
 
 
-def test_a_refused_sentence_is_an_error():
+def test_a_refused_sentence_is_an_error(quick_saliency):
     with pytest.raises(UsageError, match="must not"):
         gsedit.edit(tiny_edits.scene(), "do not paint it red", tiny_edits.data())
     given = {"steps": read_steps("paint it red")}  # no sentence is read beside them

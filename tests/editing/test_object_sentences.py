@@ -28,7 +28,9 @@ def meadow():
     labelled = STAGE.gaussians(2500)
     cameras = STAGE.training(64)
     views = Dataset(capture(labelled.scene, cameras, [str(i) for i in range(len(cameras))]))
-    with SceneCache(labelled.scene).used():  # its subject is looked for once
+    red = lambda x: (x[:, 0] > x[:, 2] + 1).float()  # noqa: E731 (of normalised colors)
+    with SceneCache(labelled.scene).used(), pytest.MonkeyPatch.context() as patch:
+        patch.setattr("gsedit.select.subject.load_network", lambda: red)  # the subject is the ball
         yield labelled, views
 
 
@@ -108,7 +110,7 @@ def test_what_is_not_there_or_not_plain_is_an_error_of_one_line(meadow, sentence
     assert "\n" not in str(error.value)
 
 
-def test_where_several_objects_are_comparable_an_unknown_noun_is_refused():
+def test_where_several_objects_are_comparable_an_unknown_noun_is_refused(quick_saliency):
     corner = stage("corner")
     labelled = corner.gaussians(3000)
     views = [Viewpoint(str(i), camera) for i, camera in enumerate(corner.training(64))]

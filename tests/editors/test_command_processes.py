@@ -11,10 +11,12 @@ from pathlib import Path
 
 import pytest
 import torch
+from command_line import gsedit
 from programs import APART, CHILD, INVERT, batch, ended, leftovers, needs_proc, run
 
-from gsedit.bench.synthetic import demo_scene
+from gsedit.bench.synthetic import demo_scene, surface_gaussians
 from gsedit.errors import GseditError
+from gsedit.formats.scenes import save
 
 
 @needs_proc
@@ -51,11 +53,8 @@ def test_leaving_early_ends_the_program_and_its_children(program, tmp_path, how,
 
 @pytest.fixture
 def scene(tmp_path) -> Path:
-    import gsedit
-    from gsedit.bench.synthetic import surface_gaussians
-
     path = tmp_path / "bear.ply"
-    gsedit.save(surface_gaussians(demo_scene(), 1000, torch.Generator().manual_seed(0)), path)
+    save(surface_gaussians(demo_scene(), 1000, torch.Generator().manual_seed(0)), path)
     return path
 
 
@@ -68,11 +67,8 @@ def edit_words(scene: Path, out: Path, command: str) -> list[str]:
 
 
 def test_an_edit_with_a_program_and_one_that_fails_in_the_second_round(program, scene, tmp_path):
-    from gsedit_cli.main import app
-    from typer.testing import CliRunner
-
     out = tmp_path / "out"
-    good = CliRunner().invoke(app, edit_words(scene, out, program(INVERT).run))
+    good = gsedit(*edit_words(scene, out, program(INVERT).run))
     assert good.exit_code == 0, good.stderr
     assert (out / "before_after.png").exists()
     assert not (out / "command").exists()
@@ -80,7 +76,7 @@ def test_an_edit_with_a_program_and_one_that_fails_in_the_second_round(program, 
     memory = tmp_path / "ran before"
     once = f"from pathlib import Path as P\nimport sys\nif P({str(memory)!r}).exists():\n"
     once += f"    sys.exit('no memory left')\nP({str(memory)!r}).touch()\n"
-    bad = CliRunner().invoke(app, [*edit_words(scene, out, program(once + INVERT).run), "-f"])
+    bad = gsedit(*edit_words(scene, out, program(once + INVERT).run), "-f")
     assert bad.exit_code == 1
     assert "ended with code 1; it said: no memory left." in bad.stderr
     assert "last complete checkpoint" in bad.stderr

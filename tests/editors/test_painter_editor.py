@@ -162,7 +162,7 @@ def test_a_sketch_has_contours_where_depth_jumps_and_none_of_grain():
 def test_a_sketch_leaves_no_color_of_the_scene_from_any_side():
     scene, views = tiny_edits.scene(), tiny_edits.data()
     sh = torch.cat((scene.sh[:, :1], torch.ones(len(scene), 15, 3)), 1)
-    settings = EditSettings(batches=1, held_out_edits=0)
+    settings = EditSettings(batches=1, held_out_edits=0, brush=6.0)
     made = gsedit.edit(replace(scene, sh=sh), "draw it in pencil", views, settings=settings).scene
     torch.testing.assert_close(made.sh, made.sh[..., :1].expand_as(made.sh), rtol=0, atol=0.02)
     assert not made.sh[:, 1:].any()

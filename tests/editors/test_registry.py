@@ -8,8 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from gsedit_cli.main import app
-from typer.testing import CliRunner
+from command_line import gsedit
 
 from gsedit.errors import GseditError, UsageError
 from gsedit.paper.editors import Editor, list_editors, make_editor, registry
@@ -77,10 +76,6 @@ def packages(tmp_path, monkeypatch):
     yield
     for name in ("mirrors", "torn"):
         sys.modules.pop(name, None)
-
-
-def gsedit(*words: object):
-    return CliRunner().invoke(app, [str(word) for word in words])
 
 
 def test_ours_are_listed_with_what_they_need():

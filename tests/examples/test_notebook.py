@@ -12,7 +12,7 @@ nbclient = pytest.importorskip("nbclient", reason="needs gsedit[dev]")
 pytest.importorskip("ipykernel", reason="needs gsedit[dev]")
 
 FILE = Path(__file__).parents[2] / "examples" / "notebook" / "photos_to_edit.ipynb"
-SMALL = "PHOTOS, MINUTES, SIZE = 'small', 0.01, 48"
+SMALL = "PHOTOS, MINUTES, SIZE, SENTENCE = 'small', 0.01, 48, 'make it darker'"
 
 
 def test_photos_become_an_edited_scene_and_a_page(tmp_path):
@@ -20,7 +20,7 @@ def test_photos_become_an_edited_scene_and_a_page(tmp_path):
     assert not any(cell.get("outputs") for cell in notebook.cells)
     (given,) = [cell for cell in notebook.cells if "parameters" in cell.metadata.get("tags", ())]
     given.source += f"\n{SMALL}"
-    take(tmp_path / "small", walk(10, degrees=140))
+    take(tmp_path / "small", walk(8, degrees=112))
     programs = Path(sys.executable).parent
     environment = {**os.environ, "PATH": f"{programs}{os.pathsep}{os.environ['PATH']}"}
     client = nbclient.NotebookClient(

@@ -53,7 +53,7 @@ def test_a_fit_ends_with_allowed_shapes():
 def test_the_time_left_counts_what_finer_photos_cost():
     seconds = count().__next__
     settings = FitSettings(steps=40, dense_start=0, coarse=((0.5, 16),), report_every=10)
-    steps = fit_steps(photos(8, 200), settings, generator=generator(), clock=seconds)
+    steps = fit_steps(photos(8, 120), settings, generator=generator(), clock=seconds)
     left = {e.step: e.left for e in steps if isinstance(e, Event)}
     pace = left[30] / 10  # a fine step, as counted from the mean of coarse and fine ones
     assert left[10] > 20 * pace

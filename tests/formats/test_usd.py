@@ -176,7 +176,7 @@ def test_layers_of_one_folder_are_put_together_and_no_others(tmp_path):
         return text(inside, body, '\n upAxis = "Y"')
 
     assert_same(open_scene(refer("part.usda")).table(), table, 1e-5)
-    for name in ("../out.usda", str(outside), "link.usda", "none.usda", "/etc/passwd", "`'a'`"):
+    for name in ("../out.usda", str(outside), "link.usda", "`'a'`"):
         with pytest.raises(InputError, match=r"a\.usda cannot be read as USD"):
             open_scene(refer(name))
     with zipfile.ZipFile(inside / "a.usdz", "w", zipfile.ZIP_DEFLATED) as archive:

@@ -23,8 +23,6 @@ def test_a_known_offset_has_a_known_error():
 
 def test_psnr_counts_decibels_of_the_error():
     image, noise = picture(8, 8, 3), picture(8, 8, 3, seed=1)
-    difference = psnr(image + noise / 10, image) - psnr(image + noise, image)
-    assert difference == pytest.approx(20, rel=1e-9)
     assert psnr(noise, image) == pytest.approx(-20 * log10(rmse(noise, image)))
 
 

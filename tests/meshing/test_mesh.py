@@ -22,7 +22,7 @@ from gsedit.views.cameras_json import write_cameras
 from gsedit.views.viewpoints import Viewpoint
 from rasterizer.scene import Gaussians, concatenate
 
-COUNT = 4000
+COUNT = 2500
 EVERY = 1_000_000
 """More faces than are found: none is taken away, which takes most of the time."""
 
@@ -32,7 +32,7 @@ def ball():
     """A sphere of radius 1 of discs, and its cameras."""
     globe = scenes()[0]
     discs = surface_gaussians(globe, COUNT, torch.Generator().manual_seed(0))
-    cameras = [c for up in (40.0, -10.0, -55.0) for c in ring_cameras(globe, 5, 64, elevation=up)]
+    cameras = [c for up in (40.0, -10.0, -55.0) for c in ring_cameras(globe, 5, 48, elevation=up)]
     return discs, cameras
 
 

@@ -35,7 +35,7 @@ def stage():
     )
     gray, sky = plain((0.5, 0.45, 0.4)), torch.tensor((0.8, 0.9, 1.0))
     scene = SyntheticScene("stage", solids, gray, sky, 1.5, UP)
-    return surface_gaussians(scene, 5000, torch.Generator().manual_seed(0))
+    return surface_gaussians(scene, 3500, torch.Generator().manual_seed(0))
 
 
 @cache
@@ -170,7 +170,7 @@ def test_far_ground_gets_snow_and_floaters_beside_it_do_not():
 
 def test_snow_is_darker_where_it_turns_from_the_sun():
     staged = stage_of("meadow")
-    given = staged.gaussians(4000)
+    given = staged.gaussians(3000)
     after = grow(given.scene, "snow", 1.0, given.of("red ball"), staged.training(48))
     new = added(after)
     sun = torch.tensor(staged.light.sun).double()

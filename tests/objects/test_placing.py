@@ -176,7 +176,7 @@ def test_a_whole_scene_is_scaled_and_turned_but_goes_nowhere(labelled, cameras):
 def pedestal():
     """A statue on a pedestal that has no room for a second one; its cameras."""
     made = stage("pedestal")
-    return made.gaussians(2500), made.training(32)[::5]
+    return made.gaussians(1700), made.training(32)[::5]
 
 
 def test_copy_beside_stands_whole_on_what_it_finds(pedestal):

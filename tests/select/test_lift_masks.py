@@ -10,7 +10,7 @@ from gsedit.errors import GseditError, UsageError
 from gsedit.select.masked import find_masked, lift_masks
 from gsedit.select.region import find_drawn, lift
 
-SIZE = 96
+SIZE = 64
 
 
 @pytest.fixture(scope="module")

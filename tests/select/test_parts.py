@@ -45,7 +45,7 @@ class Thing:
         return np.linalg.norm(self.surfaces.points - center, axis=1) < 1.03 * radius
 
 
-def thing(solid, coat=GREY, count=4000):
+def thing(solid, coat=GREY, count=3000):
     whole = SyntheticScene("thing", solid, coat, UP, 1.7, UP)
     scene = surface_gaussians(whole, count, torch.Generator().manual_seed(0))
     east = torch.tensor((1.0, 0.0, 0.0), dtype=torch.float64)
@@ -134,7 +134,7 @@ def snowman(room):
     solids = union(sphere(0.28, lower), sphere(0.18, upper))
     ground = translate(cylinder(1.5, 0.06), (0, 0, -0.53))
     whole = SyntheticScene("snowman", union(ground, solids), GREY, UP, 1.7, UP)
-    scene = surface_gaussians(whole, 16_000, torch.Generator().manual_seed(0))
+    scene = surface_gaussians(whole, 10_000, torch.Generator().manual_seed(0))
     camera = room.cameras[0]
     x, y = camera.project(torch.tensor((0.0, -0.18, 0.16), dtype=torch.float64))[0].tolist()
     return Selector(scene, room.cameras), Click(camera, x, y)

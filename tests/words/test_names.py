@@ -3,13 +3,13 @@
 from collections import Counter
 
 import pytest
+from sentence_grades import read_all
 
 from gsedit.change.light.setup import LIGHTS
 from gsedit.change.materials.material import MATERIALS
 from gsedit.change.objects.growth.places import GROWTHS
 from gsedit.change.scenery.effects import SCENERIES
 from gsedit.words import lexicon
-from gsedit.words.read import read_instruction
 
 ELSEWHERE = {"turquoise", "snow"}  # a paint and a weather where nothing else is said
 
@@ -25,8 +25,9 @@ ELSEWHERE = {"turquoise", "snow"}  # a paint and a weather where nothing else is
     ids=["materials", "lights", "weathers", "growths"],
 )
 def test_each_name_is_read(names, kind, frame):
-    for name in names:
-        for change in read_instruction(frame.format(name)).changes:  # "wet" alone is no weather
+    names = list(names)
+    for name, read in zip(names, read_all(frame.format(name) for name in names)):
+        for change in read.changes:  # "wet" alone is no weather
             assert (change.kind, change.name) == (kind, name)
             assert change.route in ("material", "light", "scenery", "object")
 

@@ -75,9 +75,6 @@ GARDEN_SCALES = (1.0, 0.25)
 REFERENCE_SECONDS = 10.0
 """No run of the reference begins after them."""
 RUNS = 7
-TRAINED_GAUSSIANS = 61_000
-TRAINED_SIDE, CROP_SIDE = 256, 64
-"""Sides of the picture of a training step and of its crop, pixels."""
 GOALS: Mapping[str, Mapping[str, float]] = {
     "garden 648x420": {"compiled": 150.0, "torch": 18.0},
     "garden 162x105": {"compiled": 100.0, "torch": 12.0},
@@ -155,34 +152,36 @@ def kernels() -> tuple[Kernel, ...]:
     return ("compiled", "torch") if is_compiled(AUTO) else ("torch",)
 
 
-def measure_targets(points: Path | None) -> Iterator[Event | Speed]:
-    """Every case by both kernels, and events that name the next ones; those of the garden where its
-    points are given."""
+def measure_targets(
+    points: Path | None, runs: int = RUNS, some: list[Case] | None = None
+) -> Iterator[Event | Speed]:
+    """Every case by both kernels, or some, and events that name the next ones; those of the garden
+    where its points are given."""
     stopwatch = Stopwatch()
     if points is None:
         yield Event(
             "targets", 0.0, note="the garden's points are not given: its targets are left out"
         )
-    found = cases(points)
+    found = some or cases(points)
     for step, case in enumerate(found):
         yield Event("targets", stopwatch.seconds, step, len(found), note=case.name)
-        yield from measure_case(case, RUNS)
+        yield from measure_case(case, runs)
     yield Event("targets", stopwatch.seconds, len(found), len(found))
 
 
-def cases(points: Path | None) -> list[Case]:
-    """The garden at two sizes, a training step, a crop of it."""
+def cases(points: Path | None, count: int = 61_000, side: int = 256, crop: int = 64) -> list[Case]:
+    """The garden at two sizes, a training step of `count` Gaussians, a crop; sides in pixels."""
     found = []
     for scale in GARDEN_SCALES if points is not None else ():
         scene, camera = garden(scale, cast("Path", points))
         size = (camera.width, camera.height)
         found.append(Case("garden {}x{}".format(*size), scene, camera, weighted_sum(*size)))
-    scene = surface_gaussians(columns(), TRAINED_GAUSSIANS, torch.Generator().manual_seed(0))
-    camera = ring_cameras(columns(), 1, TRAINED_SIDE)[0]
-    photo = random_picture(TRAINED_SIDE, TRAINED_SIDE)
+    scene = surface_gaussians(columns(), count, torch.Generator().manual_seed(0))
+    camera = ring_cameras(columns(), 1, side)[0]
+    photo = random_picture(side, side)
     loss = partial(photometric, target=photo, dssim_weight=0.2, compiled=True)
-    left = (TRAINED_SIDE - CROP_SIDE) // 2
-    box, of_crop = (left, left, CROP_SIDE, CROP_SIDE), weighted_sum(CROP_SIDE, CROP_SIDE)
+    left = (side - crop) // 2
+    box, of_crop = (left, left, crop, crop), weighted_sum(crop, crop)
     found.append(Case("training step", scene, camera, loss))
     return [*found, Case("crop", scene, camera, of_crop, box)]
 

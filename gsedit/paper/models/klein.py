@@ -23,8 +23,6 @@ from gsedit.paper.editors.protocol import Capabilities
 from gsedit.paper.models.loading import Parts, explained
 from gsedit.paper.models.model import Model, TextNetwork, tokens_over, words
 
-LENGTH = 512
-"""Tokens of an instruction, with those of the chat around it."""
 LAYERS = (9, 18, 27)
 """Layers of the text encoder whose outputs are the instruction's features."""
 DISTILLED = SamplerDefaults(guidance_text=1.0, guidance_image=1.0, steps=4, solver="euler")
@@ -54,6 +52,8 @@ class Klein(Model):
     """A FlowMatchEulerDiscreteScheduler of diffusers."""
     distilled: bool = True
     """Without guidance: the branch of the instruction is all there is."""
+    length: int = 512
+    """Tokens of an instruction, with those of the chat around it."""
     predicts: Prediction = "flow"
 
     @property
@@ -80,7 +80,7 @@ class Klein(Model):
         return (self.text_encoder,)
 
     def excess(self, prompt: str) -> int:
-        return tokens_over(self.tokenizer, self._chat(prompt), LENGTH)
+        return tokens_over(self.tokenizer, self._chat(prompt), self.length)
 
     def encode(self, images: Float[Tensor, "v h w 3"]) -> Latents:
         """The posterior's mode, normalised by the statistics of each place in a token."""
@@ -173,7 +173,7 @@ class Klein(Model):
         )
 
     def _embed(self, text: str) -> Float[Tensor, "1 l e"]:
-        ids, mask = words(self.tokenizer, self._chat(text), LENGTH)
+        ids, mask = words(self.tokenizer, self._chat(text), self.length)
         out = self.text_encoder(
             ids, attention_mask=mask, use_cache=False, output_hidden_states=True
         )

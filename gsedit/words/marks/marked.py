@@ -80,7 +80,7 @@ def spelled(text: str) -> str:
 def _spelled(found: re.Match[str]) -> str:
     word = found[0]
     numbers, low = vocabulary(), plain(word)
-    if len(low) < 3 or low in numbers or low in known() or not low.isalpha():
+    if not 2 < len(low) < 40 or low in numbers or low in known() or not low.isalpha():
         return word
     cut = [(low[:at], low[at:]) for at in range(1, len(low) + 1)]
     near = [a + b[1] + b[0] + b[2:] for a, b in cut if len(b) > 1]

@@ -23,6 +23,7 @@ from gsedit.paper.strategies import find_strategy, strategy_names
 from gsedit.paper.strategies.single_pass import SinglePass
 from gsedit.run.state import load_state, save_state
 
+pytestmark = pytest.mark.usefixtures("quick_saliency")
 SETTINGS = EditSettings(
     sampler=SamplerSettings(steps=4),
     update=UpdateSettings(loss="mse+gram", patches=2, patch=16),

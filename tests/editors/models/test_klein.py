@@ -1,5 +1,6 @@
 """FLUX.2-klein against diffusers' pipelines, tiny and random."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import model_laws
@@ -18,13 +19,6 @@ from gsedit.paper.models.loading import load_model
 pytestmark = pytest.mark.usefixtures("offline")
 LENGTH = 24
 """Tokens of an instruction here: 512 would be most of the work."""
-
-
-@pytest.fixture(scope="module", autouse=True)
-def short():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("gsedit.paper.models.klein.LENGTH", LENGTH)
-        yield
 
 
 def pictures(views: int, height: int = 16, width: int = 24) -> torch.Tensor:
@@ -47,7 +41,7 @@ def both(request, tmp_path_factory):
     pipe = klein(**KINDS[request.param])
     folder = tmp_path_factory.mktemp("klein")
     pipe.save_pretrained(folder)
-    return pipe, load_model(folder)
+    return pipe, replace(load_model(folder), length=LENGTH)
 
 
 @torch.no_grad()
