@@ -48,16 +48,11 @@ SHAKEN = np.array(
     [[12.9898, 39.3468, 73.1562], [78.2331, 11.1353, 52.2355], [37.7193, 83.1551, 9.1517]]
 )
 """Directions without a common period."""
-OCHER = np.array([[0.10, 0.08, 0.07], [0.36, 0.24, 0.14], [0.64, 0.47, 0.28], [0.93, 0.86, 0.70]])
-SLATE = np.array([[0.07, 0.08, 0.11], [0.20, 0.27, 0.34], [0.46, 0.54, 0.58], [0.86, 0.87, 0.84]])
-"""Colors of facets, from dark to bright."""
 CUT, ASIDE, BEND = 10.0, 0.8, 3.0
 """Distance between cut lines, pixels; how far they run aside rather than level; lines by which they
 bend from dark to bright."""
-PANE, FACET = 22.0, 40.0
-"""Size of a pane of glass and of a facet, pixels."""
-DAB = 8.0
-"""Size of a dab of paint, pixels."""
+PANE, DAB = 22.0, 8.0
+"""Size of a pane of glass and of a dab of paint, pixels."""
 BLUE = np.array([0.07, 0.22, 0.52])
 """Color of a plan's paper."""
 LEAD = 0.07
@@ -156,22 +151,6 @@ def leaded(sight: Sight) -> Map:
     return glass * (1 - 0.95 * (1 - panes.inward / LEAD).clip(0, 1) ** 0.5)[..., None]
 
 
-def faceted(sight: Sight) -> Map:
-    """Facets of ocher and slate, each shaded to one side."""
-    panes = _panes(sight, FACET)
-    aside = 3 * (panes.offsets * (panes.chance - 0.5)).sum(-1)
-    tone = 0.15 + 0.85 * panes.colors @ GRAY + 0.3 * (panes.chance[..., 0] - 0.5)
-    tone += 0.2 * aside.clip(-1, 1)
-    warm = panes.colors[..., 0] - panes.colors[..., 2] + 0.6 * (panes.chance[..., 1] - 0.5)
-    at, share = np.linspace(0, 1, len(OCHER)), expit((warm - 0.05) / 0.06)
-    ocher, slate = (
-        np.stack([np.interp(tone, at, each) for each in ramp.T], -1) for ramp in (OCHER, SLATE)
-    )
-    border = 0.8 * (1 - 2 * panes.inward / LEAD).clip(0, 1)
-    line = np.maximum(border, _lines(sight.picture @ GRAY, sight.far))
-    return (slate + (ocher - slate) * share[..., None]) * (1 - line[..., None])
-
-
 def dotted(sight: Sight) -> Map:
     """Dabs of pure color on pale ground."""
     panes = _panes(sight, DAB)
@@ -193,7 +172,6 @@ DRAWN: dict[str, Callable[[Sight], Map]] = {
     "charcoal drawing": charcoaled,
     "woodcut": carved,
     "stained glass": leaded,
-    "cubist": faceted,
     "pointillist": dotted,
     "blueprint": planned,
 }
@@ -249,8 +227,6 @@ class Panes(NamedTuple):
     """Mean color of the pane, and a share of what the pixel's own differs by."""
     chance: Map
     """Three numbers in [0, 1) of the pane."""
-    offsets: Map
-    """From its center, in its size."""
     inward: Map
     """How much nearer its center is than the next, in its size."""
 
@@ -261,8 +237,7 @@ def _panes(sight: Sight, size: float) -> Panes:
     cells = np.unique(np.floor(at), axis=0)
     cells = np.unique((cells[:, None] + NEAR).reshape(-1, 3), axis=0)
     chance = np.sin(cells @ SHAKEN) * 43758.5453 % 1
-    centers = cells + chance
-    found: Any = KDTree(centers).query(at, k=2)
+    found: Any = KDTree(cells + chance).query(at, k=2)
     away, own = found[0], found[1][:, 0]
     calm = _calm(sight.picture, 3, 2).reshape(-1, 3)
     count = np.bincount(own, minlength=len(cells)).clip(1)
@@ -271,7 +246,6 @@ def _panes(sight: Sight, size: float) -> Panes:
     return Panes(
         (means + KEPT * (calm - means)).reshape(shape),
         chance[own].reshape(shape),
-        (at - centers[own]).reshape(shape),
         (away[:, 1] - away[:, 0]).reshape(shape[:2]),
     )
 
