@@ -29,9 +29,10 @@ ODD = (
      rf"|(?:the|my|your) (?:last|previous)? ?(?:edit|change|step|one|thing)s?))*{_END}", "undo"),
     (rf"^(?:please )?(?:remove|delete|erase|clear|get rid of) (?:everything|(?:it )?all"
      rf"(?: of)?(?: it| the (?:thing|object)s)?|the (?:whole |entire )?scene){_END}", "everything"),
+    (r"\bun(?:paint|color|dye|stain|gild|varnish)\b", "negation"),
     (r"\w['\"]?\.(?:npz|gltf|fbx|dae|blend|3ds|ksplat|rad)\b", "insert"),
 )  # fmt: skip
-"""Phrases that take all back or away, files that nothing reads: the kind of refusal of each."""
+"""Phrases that take all back or away, or a coat, files that nothing reads: the kind of refusal of each."""
 
 
 def first_refusal(sentence: str) -> str | None:

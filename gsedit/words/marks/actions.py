@@ -29,9 +29,9 @@ LENGTH = re.compile(rf"\S+ ?{UNIT.pattern}")
 TURNS: dict[str, float] = {"quarter": 90.0, "half": 180.0, "full": 360.0}
 """Degrees of a part of a turn."""
 CLOCKWISE = re.compile(
-    r"\b(counter|anti|contra)?[ -]?clock ?wise\b|"
+    r"\b(counter|anti|contra|not)?[ -]?clock ?wise\b|"
     r"(\b(?:against|opposite|other|reverse|not)(?: to)?(?: the)? )?"
-    r"way (?:the |a )?clocks? (?:go|turn|run)",
+    r"(?:way|like|as) (?:the |a )?clocks? (?:go|turn|run)",
     re.IGNORECASE,
 )
 """The way of a turn, and what turns it around."""
@@ -74,6 +74,7 @@ def _factor(asked: Asked, text: str) -> float | None:
         return None
     remains = said.startswith(("to ", "at ")) and asked.after.lower() not in ("less", "off")
     remains = remains or asked.after.lower() in ("of", "as", "the", "its")
+    remains = remains and not (sign > 0 and number < 100 and re.search(r"\bas (?:it|they)\b", text))
     if "%" in said or "percent" in said or "per cent" in said:
         share = number / 100
         more = said.startswith("by") or asked.after.lower().endswith("er")

@@ -14,7 +14,7 @@ from gsedit.words.amounts import DEFAULT
 from gsedit.words.instruction import Change
 from gsedit.words.lexicon import spans, things
 from gsedit.words.marks.actions import LENGTH
-from gsedit.words.marks.marked import ALIKE, TAKEN_BACK, Asked, Marked, pieces, spelled, told
+from gsedit.words.marks.marked import ALIKE, TAKEN_BACK, Asked, Marked, loose, pieces, spelled, told
 from gsedit.words.marks.meaning import changes_of
 from gsedit.words.marks.values import plainly
 from gsedit.words.refusals import Refused
@@ -53,7 +53,7 @@ INSTEAD = re.compile(
     re.IGNORECASE,
 )
 """Words after which what is asked follows what is denied."""
-TOO = r"\btoo\b(?:\W+\w+){0,5}?\W+"
+TOO = r"(?<!not )\btoo\b(?:\W+\w+){0,5}?\W+"
 """Words before a quality that there is too much of."""
 TURNED = re.compile(rf"\b(?:{spans('turned')}|to(?= \w+$))\b|n't\b|'s\b", re.IGNORECASE)
 """Words beside which a quality may be what there is too much of."""
@@ -119,7 +119,7 @@ def unsure(said: Marked, files: Sequence[str] = ()) -> bool:
     least = min((each.sure for each in asked), default=1.0)
     gone = (each for each in said.asked if each.deed == "remove")
     vague = any(re.search(VAGUE.format(re.escape(c.of or "it")), said.text, re.I) for c in gone)
-    doubted = vague or any(turned(each, said.text) for each in said.asked)
+    doubted = vague or any(turned(each, said) for each in said.asked)
     all_of_it = said.asked and all(c.deed in ALIKE[1] and c.part == "scene" for c in said.asked)
     stays = said.kept_more > KEPT_MORE and not (all_of_it and not STAYING.search(said.text))
     if len(said.asked) == 1 and alone(said.asked[0], said):
@@ -135,21 +135,32 @@ def alone(asked: Asked, said: Marked) -> bool:
     return bool(named and not left) and asked.deed != "remove" and not STAYS.search(asked.of)
 
 
-def turned(asked: Asked, text: str) -> bool:
-    """Whether a tone goes the other way than all words of the text for it, with no word beside
-    them that turns them around; or the way that there is too much of."""
-    said = [
-        word for word in scanned(text)
-        if word.kind in ("state", "turn") and word.value.split()[0] == asked.tone
-    ]  # fmt: skip
+def turned(asked: Asked, marks: Marked) -> bool:
+    """Whether a tone goes the other way than all words for it, of its clause where several things
+    change, with no word beside them that turns them around; or the way that there is too much of.
+    """
+    text, of = marks.text, [each.of.removeprefix("the ") for each in marks.asked]
+    clauses = [each[0] for each in CLAUSE.finditer(text.lower()) if not TURNED.search(each[0])]
+    thing = asked.of.removeprefix("the ")
+    clauses = [each for each in clauses if [t for t in of if t in each] == [thing]]
+    clauses = clauses if len(of) > 1 and not loose(asked.of) else []
+    said = next(filter(None, (_of_tone(asked.tone, each) for each in (*clauses, text))), [])
     told = {word.value[-1] for word in said}
     if asked.deed != "tone" or len(told) != 1:
         return False
     same = (asked.sign > 0) == (told == {"+"})
-    if not TURNED.search(text):
+    more = next((word.text for word in said if word.kind == "turn"), "")
+    led = TURNED.search(text[: text.lower().find(more)] + " than" * (" than " in text))
+    if not TURNED.search(text) or (more and not led and not same):
         return not same
     states = "|".join(re.escape(word.text) for word in said if word.kind == "state")
     return same and bool(states) and re.search(TOO + rf"(?:{states})\b", text.lower()) is not None
+
+
+def _of_tone(tone: str, text: str) -> list[Word]:
+    """Words of a text that say more or less of a tone."""
+    words = (word for word in scanned(text) if word.kind in ("state", "turn"))
+    return [word for word in words if word.value.split()[0] == tone]
 
 
 def unread(said: Marked, changes: Sequence[Change]) -> tuple[str, ...]:

@@ -169,7 +169,9 @@ ARTICLES = re.compile(
 """Words that a phrase does not begin with."""
 ARTICLE = re.compile(r"^(?:the )?(?:the|an?|its?|their|his|her|my)$", re.IGNORECASE)
 """A mark that names nothing."""
-STILL = re.compile(r"(?:'s?|(?: (?:which|rests))+)$")
+STILL = re.compile(
+    r"(?:'s?|(?: (?:which|rests|real|normal|same|pls|plz|please|though|tho|ok|as|still|intact))+)$"
+)
 """Words behind a thing that stays."""
 OWNED = re.compile(r"^(?:the|my|our|your|his|her|its|their|this|that|these|those) ")
 PRONOUN = re.compile(rf"^(?:{lexicon.spans('about')})$")
@@ -287,7 +289,7 @@ def told(cut: Pieces, scores: Mapping, values: tuple[str, ...]) -> Marked:
         spans += found
     kept, unsure = _kept(cut, chances["kept"], spans)
     spans += kept
-    things = (STILL.sub("", phrase(cut.said(*each))) for each in kept)
+    things = (STILL.sub("", phrase(one)) for each in kept for one in _apart(cut.said(*each)))
     phrases = tuple(each for each in things if not ARTICLE.match(each))
     letters = tuple((cut.words[a][0], cut.words[b][1]) for a, b in spans)
     refused = float(chances["refused"][1])
@@ -295,6 +297,13 @@ def told(cut: Pieces, scores: Mapping, values: tuple[str, ...]) -> Marked:
     return Marked(cut.text, tuple(asked), phrases, refused, more, unsure, letters)
 
 
+def _apart(things: str) -> list[str]:
+    """The things of a phrase that are told one beside the other: "his eyes and nose"."""
+    return [things] if any(word.color for word in scanned(things)) else AND.split(things)
+
+
+AND = re.compile(r"(?<=\w)(?:,? and|,? &|,) (?!so\b|then\b|all\b)")
+"""Words between two things."""
 NUMBER = re.compile(
     r"(?<![\w#.,])(?<!\w-)(?:\d+(?:[.,/]\d+)?"
     r"(?: ?(?:%|percent|x|times|degrees?|\u00b0|stops?|cm|mm|m|ft)(?!\w))?|"

@@ -12,7 +12,7 @@ from gsedit.words.instruction import MOST, Change
 from gsedit.words.lexicon import things
 from gsedit.words.marks import values
 from gsedit.words.marks.actions import UNREAL, action, inserted
-from gsedit.words.marks.marked import BACKGROUND, PRONOUN, WHOLE, Asked, Marked, loose
+from gsedit.words.marks.marked import BACKGROUND, PRONOUN, WHOLE, Asked, Marked, loose, phrase
 from gsedit.words.names import light_of, lights
 from gsedit.words.phrases import IT, QUALITY, owned
 from gsedit.words.refusals import Refused
@@ -26,17 +26,32 @@ PAINTED = re.compile(r"\b(?:paint|painted|dye|dyed|colou?r|coat of)\b", re.IGNOR
 """Words that make a paint of what is a material too: "paint it gold"."""
 ONLY = r"\bonly (?:on|at|in|for|to) {0}\b|\b{0} only\b"
 """Words for what alone changes."""
+PLACED = r"(?:back|front|left|right|top|bottom|rear)"
+"""Words by which one thing is told from another of its kind."""
+BEHIND = re.compile(r"^the behind (.+)$")
+"""A phrase of all that is behind something."""
 SUBJECT = re.compile(r"^(?:the )?(?:subject|main thing|main object)$")
 """Phrases of the subject."""
 SOLID = ("material", "paint", "growth", "object")
+STAYS_SO = (
+    r"\b(?:stay(?:s|ing)?|remain(?:s|ing)?|still|(?<!the )(?<!on )(?<!from )left|keep(?:s|ing)? "
+    r"(?:it|them|him|her|its?)|without\b[^,;.]{{,30}}? (?:going|getting|turning|becoming))"
+    r" (?:in )?{}\b"
+)
+"""Words before a name that say that something has it and stays."""
+DENIED = re.compile(r"\W*(?:(?:and|please|ok) )*(?:do not|don'?t|never|no need to)\b")
+"""Beginning of a clause of what must not be."""
 LIT = re.compile(r"\b(?:only|just|alone|solely)\b", re.IGNORECASE)
 """Words that make of a light on a thing a light on that thing alone."""
 
 
 def changes_of(said: Marked, files: Sequence[str] = ()) -> list[Change]:
     """Changes of what is marked in a sentence. Raises Refused for what nothing does."""
-    found, last, left = list[Change](), "", list(files)
+    found, last, left, kept = list[Change](), "", list(files), list(said.kept)
     for before, asked in zip((None, *said.asked), said.asked):
+        if stays(asked, said):
+            kept.append(asked.of or IT)
+            continue
         both = before and before.deed == asked.deed == "tone" and asked.of == before.of
         both = both and not any(map(WHOLE.match, said.text.split()))
         if before and both and asked.part == "scene":
@@ -60,7 +75,24 @@ def changes_of(said: Marked, files: Sequence[str] = ()) -> list[Change]:
     _refuse_two(found)
     if any(change.name in (values.GLOW, "lava") for change in found):  # it glows in that light
         found.sort(key=lambda change: change.kind != "light")
-    return _but([_checked(each) for each in found], said.kept)
+    if not found:
+        raise Refused("kept", *kept)
+    return _but([_checked(each) for each in found], kept)
+
+
+def stays(asked: Asked, said: Marked) -> bool:
+    """Whether what is marked as a change is what stays, as "the crane left yellow", or a tone of a
+    clause that says what must not be, with another change elsewhere."""
+    text, name, thing = said.text.lower(), asked.name.lower(), re.sub(r"^the ", "", asked.of)
+    if asked.deed in SOLID and name:
+        return len(re.findall(STAYS_SO.format(re.escape(name)), text)) == text.count(name) > 0
+    if asked.deed != "tone" or asked.part != "span" or not thing:
+        return False
+    clauses = re.split(r"[,;.!?]|\b(?:but|just|only|instead)\b", text)
+    rest = " , ".join(each for each in clauses if not DENIED.match(each))
+    tones = {word.value.split()[0] for word in scanned(rest) if word.kind in ("state", "turn")}
+    others = any(other.of and other.of.removeprefix("the ") in rest for other in said.asked)
+    return others and thing in text and thing not in rest and asked.tone not in tones
 
 
 def _once(changes: Sequence[Change]) -> list[Change]:
@@ -196,6 +228,8 @@ def _placed(change: Change, asked: Asked, text: str, last: str) -> Change:
     if part == "span":
         part = "background" if BACKGROUND.match(of) else "scene" if WHOLE.match(of) else part
         part = "it" if PRONOUN.match(of) or not of else part
+    if part == "span" and (around := BEHIND.match(of)):
+        part, of = "but", phrase(around[1])
     solid, told = change.kind in SOLID, "the copy" if of in things("copied") else of
     if part == "span" and change.name == "brightness" and (lamp := values.lamp(of)):
         return replace(lamp, amount=change.amount)  # "make the moonlight brighter"
@@ -276,5 +310,7 @@ def _without(
     if thing and change.target == "scene":
         keep = tuple(each for each in named if each != thing)
         return replace(change, target="background", phrase=thing, keep=keep)
+    if pair := re.match(rf"the {PLACED} (\w+)$", phrase):  # "front wheels, not the back ones"
+        named = [re.sub(rf"^(the {PLACED}) ones$", rf"\1 {pair[1]}", each) for each in named]
     change = replace(change, keep=tuple(named))
     return owned(change) if change.target == "background" else change
