@@ -32,7 +32,7 @@ ODD = (
     (r"\bun(?:paint|color|dye|stain|gild|varnish)\b", "negation"),
     (r"\w['\"]?\.(?:npz|gltf|fbx|dae|blend|3ds|ksplat|rad)\b", "insert"),
 )  # fmt: skip
-"""Phrases that take all back or away, or a coat, files that nothing reads: the kind of refusal of each."""
+"""Phrases that take all, or a coat, back or away; files that nothing reads: how each is refused."""
 
 
 def first_refusal(sentence: str) -> str | None:

@@ -16,7 +16,8 @@ from gsedit.words.lexicon import spans, things
 from gsedit.words.marks.actions import LENGTH
 from gsedit.words.marks.marked import ALIKE, TAKEN_BACK, Asked, Marked, loose, pieces, spelled, told
 from gsedit.words.marks.meaning import changes_of
-from gsedit.words.marks.values import plainly
+from gsedit.words.marks.values import plainly, told_by
+from gsedit.words.names import lights
 from gsedit.words.refusals import Refused
 from gsedit.words.scan import Word, scanned
 
@@ -170,11 +171,31 @@ def unread(said: Marked, changes: Sequence[Change]) -> tuple[str, ...]:
     toned = any(each.deed == "tone" for each in said.asked)
     made = f"{'; '.join(map(str, changes))} scales day"
     far = (LENGTH.match(each.amount or each.to) for each in said.asked if each.deed == "copy")
-    return tuple(found[0] for found in far if found) + tuple(
+    names = (_unnamed(each.name, made.lower()) for each in said.asked if each.deed in ALIKE[0] + ALIKE[1])
+    return tuple(found[0] for found in far if found) + tuple(filter(None, names)) + tuple(
         found[0].strip()
         for found in CLAUSE.finditer(said.left)
         if found.end() > end and not TELLS.search(found[0])
         and any(_lost(word, made, toned=toned) for word in scanned(found[0]))
+    )  # fmt: skip
+
+
+def _unnamed(name: str, made: str) -> str:
+    """Words of a name that say what is in no change: "night" of "fairy lights and night"."""
+    words = scanned(name)
+    solid = " made of " in made or " painted " in made
+    timed = any(each in made for each in lights("time"))
+    hue = next((at for at, w in enumerate(words) if w.color and f"painted {w.text}" in made), -1)
+    return " ".join(
+        word.text for at, word in enumerate(words)
+        if word.kind in ("unknown", *things("becomes")) and len(word.text) > 2
+        and (at > hue or word.kind == "color") and word.text not in things("within")
+        and not (word.color and word.color in made)
+        and not any(each and each in made for each in (
+            word.text, word.value, told_by("growth", word.text), told_by("material", word.text)
+        ))
+        and (solid or word.kind != "look" or " the look" not in made)
+        and not (timed and word.kind == "light" and word.value in lights("time"))
     )  # fmt: skip
 
 
