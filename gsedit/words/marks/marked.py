@@ -278,6 +278,7 @@ def told(cut: Pieces, scores: Mapping, values: tuple[str, ...]) -> Marked:
     """Marks by the scores of one sentence: see `gsedit.words.marks.network.Marker`."""
     chances = {name: each.softmax(-1) for name, each in scores.items()}
     asked, spans, more = list[Asked](), list[tuple[int, int]](), 0.0
+    things = list[tuple[int, int] | None]()
     for at in range(CHANGES):
         row = {name: chances[name][at] for name in (*CLASSES, "ends")}
         deed = int(row["deed"].argmax())
@@ -286,14 +287,17 @@ def told(cut: Pieces, scores: Mapping, values: tuple[str, ...]) -> Marked:
             break
         change, found = _asked(cut, row, values)
         asked.append(change)
-        spans += found
+        spans += found.values()
+        things.append(found.get("of"))
     kept, unsure = _kept(cut, chances["kept"], spans)
     spans += kept
-    things = (STILL.sub("", phrase(one)) for each in kept for one in _apart(cut.said(*each)))
-    phrases = tuple(each for each in things if not ARTICLE.match(each))
+    named = (STILL.sub("", phrase(one)) for each in kept for one in _apart(cut.said(*each)))
+    phrases = tuple(each for each in named if not ARTICLE.match(each))
     letters = tuple((cut.words[a][0], cut.words[b][1]) for a, b in spans)
     refused = float(chances["refused"][1])
     asked, more = _counted(cut.text, asked, letters, more)
+    asked, fresh = _listed(cut, asked, things)
+    phrases = tuple(p for p in phrases if not any({*p.split()} <= {*of.split()} for of in fresh))
     return Marked(cut.text, tuple(asked), phrases, refused, more, unsure, letters)
 
 
@@ -304,6 +308,39 @@ def _apart(things: str) -> list[str]:
 
 AND = re.compile(r"(?<=\w)(?:,? and|,? &|,) (?!so\b|then\b|all\b)")
 """Words between two things."""
+OWNER = r"(?:the|my|our|that|this|his|her|its|both|all) "
+SAME = re.compile(
+    rf"\bsame (?:thing )?(?:goes )?(?:for|with|w) ({OWNER}\w+(?: \w+){{0,3}})\W*(?:$|[,.;])", re.I
+)
+"""Words that ask the same of one thing more."""
+BESIDE = re.compile(
+    rf"\s*, (?!(?:not?|keep|leave|but) )((?:{OWNER})?\w+(?: (?!and)\w+)?)(?:,|,? and|,? &) ?", re.I
+)
+"""Words of a thing between two others in a list."""
+
+
+def _listed(cut: Pieces, asked: list[Asked], things: Sequence) -> tuple[list[Asked], list[str]]:
+    """(changes with those of things in a list that the marks leave out, phrases of these)."""
+    found, fresh = list[Asked](), list[str]()
+    for each, after, thing, then in zip(asked, [*asked[1:], None], things, [*things[1:], None]):
+        found.append(each)
+        end = cut.words[then[0]][0] if then else len(cut.text)
+        gap = cut.text[cut.words[thing[1]][1] : end] if thing else ""
+        alike = then and after and _asks(each) == _asks(after)
+        missed = (alike and BESIDE.fullmatch(gap)) or SAME.search(gap)
+        if missed and not loose(of := phrase(missed[1])):
+            found.append(replace(each, of=of))
+            fresh.append(of)
+    return found, fresh
+
+
+def _asks(asked: Asked) -> tuple[object, ...]:
+    """All that is asked of a thing."""
+    if asked.deed == "tone":
+        return asked.deed, asked.tone, asked.sign
+    return asked.deed, asked.name if asked.deed in ("paint", "material", "cover") else ""
+
+
 NUMBER = re.compile(
     r"(?<![\w#.,])(?<!\w-)(?:\d+(?:[.,/]\d+)?"
     r"(?: ?(?:%|percent|x|times|degrees?|\u00b0|stops?|cm|mm|m|ft)(?!\w))?|"
@@ -343,8 +380,8 @@ def _counted(
     return asked, more
 
 
-def _asked(cut: Pieces, row: Mapping, values: tuple[str, ...]) -> tuple[Asked, list]:
-    """(a change, the words that it is marked in)."""
+def _asked(cut: Pieces, row: Mapping, values: tuple[str, ...]) -> tuple[Asked, dict]:
+    """(a change, the words that it is marked in by what they are)."""
     kinds = {**CLASSES, "value": values}
     best = {name: row[name].max(-1) for name in kinds}
     of = {name: classes[int(best[name].indices)] for name, classes in kinds.items()}
@@ -380,7 +417,7 @@ def _asked(cut: Pieces, row: Mapping, values: tuple[str, ...]) -> tuple[Asked, l
         "name": of["deed"] not in ("scale", "turn", "move", "copy", "remove"),
         "to": of["deed"] in ("move", "copy", "insert"),
     }  # fmt: skip
-    return change, [each for name, each in found.items() if each and used[name]]
+    return change, {name: each for name, each in found.items() if each and used[name]}
 
 
 def _span(cut: Pieces, first, last) -> tuple[int, int] | None:
