@@ -171,7 +171,8 @@ def unread(said: Marked, changes: Sequence[Change]) -> tuple[str, ...]:
     toned = any(each.deed == "tone" for each in said.asked)
     made = f"{'; '.join(map(str, changes))} scales day"
     far = (LENGTH.match(each.amount or each.to) for each in said.asked if each.deed == "copy")
-    names = (_unnamed(each.name, made.lower()) for each in said.asked if each.deed in ALIKE[0] + ALIKE[1])
+    named = (each.name for each in said.asked if each.deed in ALIKE[0] + ALIKE[1])
+    names = dict.fromkeys(_unnamed(each, made.lower()) for each in named)
     return tuple(found[0] for found in far if found) + tuple(filter(None, names)) + tuple(
         found[0].strip()
         for found in CLAUSE.finditer(said.left)

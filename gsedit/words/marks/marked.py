@@ -296,7 +296,7 @@ def told(cut: Pieces, scores: Mapping, values: tuple[str, ...]) -> Marked:
     letters = tuple((cut.words[a][0], cut.words[b][1]) for a, b in spans)
     refused = float(chances["refused"][1])
     asked, more = _counted(cut.text, asked, letters, more)
-    asked, fresh = _listed(cut, asked, things)
+    asked, fresh = _listed(cut, asked, things, letters)
     phrases = tuple(p for p in phrases if not any({*p.split()} <= {*of.split()} for of in fresh))
     return Marked(cut.text, tuple(asked), phrases, refused, more, unsure, letters)
 
@@ -310,25 +310,36 @@ AND = re.compile(r"(?<=\w)(?:,? and|,? &|,) (?!so\b|then\b|all\b)")
 """Words between two things."""
 OWNER = r"(?:the|my|our|that|this|his|her|its|both|all) "
 SAME = re.compile(
-    rf"\bsame (?:thing )?(?:goes )?(?:for|with|w) ({OWNER}\w+(?: \w+){{0,3}})\W*(?:$|[,.;])", re.I
+    rf"\b(?:same (?:thing )?(?:goes )?(?:for|with|w)|ditto(?: for)?|so (?:is|are|does|do)) "
+    rf"({OWNER}\w+(?: \w+){{0,3}})(?=\W*(?:$|[,.;]| but\b))|"
+    rf"(?:\band|,|&) ((?!the ){OWNER}\w+)(?= (?:too|also|as well|likewise)\W*(?:$|[,.;]| but\b))",
+    re.IGNORECASE,
 )
 """Words that ask the same of one thing more."""
 BESIDE = re.compile(
     rf"\s*, (?!(?:not?|keep|leave|but) )((?:{OWNER})?\w+(?: (?!and)\w+)?)(?:,|,? and|,? &) ?", re.I
 )
 """Words of a thing between two others in a list."""
+AHEAD = re.compile(rf"(?:^|\b(?:make|paint|turn) )((?:{OWNER})?\w+)(?: and| ?&) $", re.IGNORECASE)
+"""Words of a thing before another."""
 
 
-def _listed(cut: Pieces, asked: list[Asked], things: Sequence) -> tuple[list[Asked], list[str]]:
+def _listed(
+    cut: Pieces, asked: list[Asked], things: Sequence, marked: Sequence[tuple[int, int]]
+) -> tuple[list[Asked], list[str]]:
     """(changes with those of things in a list that the marks leave out, phrases of these)."""
     found, fresh = list[Asked](), list[str]()
     for each, after, thing, then in zip(asked, [*asked[1:], None], things, [*things[1:], None]):
         found.append(each)
-        end = cut.words[then[0]][0] if then else len(cut.text)
-        gap = cut.text[cut.words[thing[1]][1] : end] if thing else ""
+        start, at = (cut.words[thing[0]][0], cut.words[thing[1]][1]) if thing else (0, 0)
+        gap = cut.text[at : cut.words[then[0]][0] if then else None] if thing else ""
         alike = then and after and _asks(each) == _asks(after)
         missed = (alike and BESIDE.fullmatch(gap)) or SAME.search(gap)
-        if missed and not loose(of := phrase(missed[1])):
+        if not missed and (ahead := AHEAD.search(cut.text[:start])):
+            missed = (
+                None if any(a < ahead.end(1) and ahead.start(1) < b for a, b in marked) else ahead
+            )
+        if missed and not loose(of := phrase(missed[missed.lastindex or 1])):
             found.append(replace(each, of=of))
             fresh.append(of)
     return found, fresh
