@@ -30,6 +30,8 @@ ODD = (
     (rf"^(?:please )?(?:remove|delete|erase|clear|get rid of) (?:everything|(?:it )?all"
      rf"(?: of)?(?: it| the (?:thing|object)s)?|the (?:whole |entire )?scene){_END}", "everything"),
     (r"\bun(?:paint|color|dye|stain|gild|varnish)\b", "negation"),
+    (r"\bupside down\b|\bflip(?:ped)? .*(?:horizontal|vertical)|^mirror (?:it|the \w+)\b"
+     r"(?!.*\bmore\b)", "geometry"),
     (r"\w['\"]?\.(?:npz|gltf|fbx|dae|blend|3ds|ksplat|rad)\b", "insert"),
 )  # fmt: skip
 """Phrases that take all, or a coat, back or away; files that nothing reads: how each is refused."""

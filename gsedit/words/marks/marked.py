@@ -320,6 +320,8 @@ BESIDE = re.compile(
     rf"\s*, (?!(?:not?|keep|leave|but) )((?:{OWNER})?\w+(?: (?!and)\w+)?)(?:,|,? and|,? &) ?", re.I
 )
 """Words of a thing between two others in a list."""
+LATER = re.compile(rf" (?:and|&) ((?:{OWNER})?\w+)(?=\W*(?:$|[,.;]))", re.IGNORECASE)
+"""Words of a thing after another, at the end of a clause."""
 AHEAD = re.compile(rf"(?:^|\b(?:make|paint|turn) )((?:{OWNER})?\w+)(?: and| ?&) $", re.IGNORECASE)
 """Words of a thing before another."""
 
@@ -355,7 +357,8 @@ def _asks(asked: Asked) -> tuple[object, ...]:
 NUMBER = re.compile(
     r"(?<![\w#.,])(?<!\w-)(?:\d+(?:[.,/]\d+)?"
     r"(?: ?(?:%|percent|x|times|degrees?|\u00b0|stops?|cm|mm|m|ft)(?!\w))?|"
-    r"twice|half|double|triple|thrice|(?:an? |one |two |three )?(?:quarter|third)s?(?= |$)|"
+    r"twice|half(?! (?:in|past|an|asleep|way)\b)|double|triple|thrice|"
+    r"(?:an? |one |two |three )?(?:quarter|third)s?(?= |$)|"
     r"(?:plus|minus) (?:one|two|three))(?!\w)",
     re.IGNORECASE,
 )

@@ -26,6 +26,12 @@ PAINTED = re.compile(r"\b(?:paint|painted|dye|dyed|colou?r|coat of)\b", re.IGNOR
 """Words that make a paint of what is a material too: "paint it gold"."""
 ONLY = r"\bonly (?:on|at|in|for|to) {0}\b|\b{0} only\b"
 """Words for what alone changes."""
+TONED = re.compile(
+    r"^the (?:whole )?(?:colou?rs?|tones?|hues?|lighting|brightness|contrast|exposure)"
+    r"(?: of (?=the |my |this |that )|$)|^the (?:red|green|blue|yellow|orange|pink|purple|brown) "
+    r"of (?=the |my |this |that )"
+)
+"""Words of a tone's quality, before whose it is."""
 PLACED = r"(?:back|front|left|right|top|bottom|rear)"
 """Words by which one thing is told from another of its kind."""
 BEHIND = re.compile(r"^the behind (.+)$")
@@ -223,6 +229,8 @@ def _placed(change: Change, asked: Asked, text: str, last: str) -> Change:
     only = of.endswith(" in the background") or re.search(ONLY.format(re.escape(of)), text, re.I)
     if part == "background" and only:
         part = "span"
+    if change.kind == "tone":
+        of = TONED.sub("", of)
     if change.kind == "light":
         of = re.sub(r" from (?:the )?\w+$", "", of)
     if part == "span":

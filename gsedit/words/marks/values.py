@@ -33,6 +33,17 @@ SEAL = 0.5
 """Least probability of a name that the words do not say."""
 VERB = r"(?<!\bi )(?<!\bwe )(?<!ou )(?<!hey )(?<!not )(?<!n't )(?<!ld )(?<!'d )(?<!ly )"
 """No "like" of one who likes a thing."""
+REWRITTEN = (
+    (r"(?<!\S)-(\d+(?:\.\d+)?) ?(?:degrees?|deg|\u00b0)", r"\1 degrees clockwise"),
+    (r"^(?:please )?keep (?:only |just )?([^,.;]+?),? (?:(?:and|but|then) )?(?:delete|remove|erase|"
+     r"lose|clear|get rid of|take away|throw out) (?:everything else|all (?:the )?(?:rest|others?)"
+     r"(?: things?)?|the (?:rest|others?)(?: things?)?)\b", r"remove everything but \1"),
+    (r"\b(?:as if|as though|like) (?:it|they)(?: was| were| is| are|'s|'d been| had been) "
+     r"(?:made|cut|carved|cast|built|knitted|woven)(?: out)? (?:of|from)\b", "made of"),
+    (r"\bnot (?:so )?(red|green|blue|yellow|orange|pink|purple|brown|dark|bright|pale) any ?more\b",
+     r"less \1"),
+)  # fmt: skip
+"""Patterns of requests in words that the network does not know, and those that it knows."""
 END = r"(?=$|[,.;!]| (?:please|but|and|with|only|not)\b)"
 LIKE = (
     rf"{VERB}\b(?:like|(?:in )?(?:the )?colou?r of) (?:(?:an?|the|my|some) )?"
@@ -72,6 +83,12 @@ def plainly(text: str) -> str:
             return f"like {lexicon.things('like').get(words) or told_by('material', words)}"
         return lexicon.things("said")[words]
 
+    for pattern, put in REWRITTEN:
+        text = re.sub(pattern, put, text, flags=re.IGNORECASE)
+    if (gone := re.match(r"no (?:more )?((?:\w+ )?\w+)[ .!]*$", text, re.I)) and all(
+        word.kind in ("unknown", "subject", "part") for word in scanned(gone[1])
+    ):
+        text = f"remove the {gone[1]}"
     solid = (each for each in _facts("material") if lexicon.entries()[each].kind == "material")
     like = LIKE.format(lexicon.spans("like", *solid))
     for pattern in (rf"(?<![\w-])(?:{lexicon.spans('said')})(?![\w-]| ?%)", like):
