@@ -15,7 +15,7 @@ from gsedit.words.instruction import Change
 from gsedit.words.lexicon import spans, things
 from gsedit.words.marks.actions import LENGTH
 from gsedit.words.marks.marked import ALIKE, TAKEN_BACK, Asked, Marked, loose, pieces, spelled, told
-from gsedit.words.marks.meaning import changes_of
+from gsedit.words.marks.meaning import changes_of, stays
 from gsedit.words.marks.values import plainly, told_by
 from gsedit.words.names import lights
 from gsedit.words.refusals import Refused
@@ -171,7 +171,7 @@ def unread(said: Marked, changes: Sequence[Change]) -> tuple[str, ...]:
     toned = any(each.deed == "tone" for each in said.asked)
     made = f"{'; '.join(map(str, changes))} scales day"
     far = (LENGTH.match(each.amount or each.to) for each in said.asked if each.deed == "copy")
-    named = (each.name for each in said.asked if each.deed in ALIKE[0] + ALIKE[1])
+    named = (c.name for c in said.asked if c.deed in sum(ALIKE, ()) and not stays(c, said))
     names = dict.fromkeys(_unnamed(each, made.lower()) for each in named)
     return tuple(found[0] for found in far if found) + tuple(filter(None, names)) + tuple(
         found[0].strip()

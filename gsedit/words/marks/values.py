@@ -31,7 +31,7 @@ STRONGER = {"little": -0.4, "much": 0.5}
 """Shares that a light is weaker or stronger than usual."""
 SEAL = 0.5
 """Least probability of a name that the words do not say."""
-VERB = r"(?<!\bi )(?<!\bwe )(?<!ou )(?<!hey )(?<!not )(?<!n't )(?<!ld )(?<!'d )(?<!ly )"
+VERB = r"(?<!\bi )(?<!\bwe )(?<!ou )(?<!hey )(?<!not )(?<!n't )(?<!ld )(?<!'d )(?<!ly )(?<!keep )(?<!change )(?<!touch )(?<!the )"
 """No "like" of one who likes a thing."""
 REWRITTEN = (
     (r"(?<!\S)-(\d+(?:\.\d+)?) ?(?:degrees?|deg|\u00b0)", r"\1 degrees clockwise"),
@@ -78,10 +78,10 @@ def plainly(text: str) -> str:
     are like, and where it is but a name."""
 
     def plain(found: re.Match[str]) -> str:
-        words = re.sub(r"(?<=\w)[ -]+", " ", found[found.lastindex or 0].lower())
+        words = re.sub(r" +|(?<=\w)-(?=[a-z])", " ", found[found.lastindex or 0].lower())
         if found.lastindex:
             return f"like {lexicon.things('like').get(words) or told_by('material', words)}"
-        return lexicon.things("said")[words]
+        return lexicon.things("said").get(words, found[0])
 
     for pattern, put in REWRITTEN:
         text = re.sub(pattern, put, text, flags=re.IGNORECASE)
