@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from difflib import get_close_matches
 from functools import lru_cache
 
 from gsedit.words.amounts import DEFAULT
@@ -181,6 +182,10 @@ def unread(said: Marked, changes: Sequence[Change]) -> tuple[str, ...]:
     )  # fmt: skip
 
 
+SLIP = 0.8
+"""Likeness of a word that is spelled wrong to that which is meant."""
+
+
 def _unnamed(name: str, made: str) -> str:
     """Words of a name that say what is in no change: "night" of "fairy lights and night"."""
     words = scanned(name)
@@ -193,7 +198,8 @@ def _unnamed(name: str, made: str) -> str:
         and (at > hue or word.kind == "color") and word.text not in things("within")
         and not (word.color and word.color in made)
         and not any(each and each in made for each in (
-            word.text, word.value, told_by("growth", word.text), told_by("material", word.text)
+            word.text, word.value, told_by("growth", word.text), told_by("material", word.text),
+            *get_close_matches(word.text, made.split(), 1, SLIP),
         ))
         and (solid or word.kind != "look" or " the look" not in made)
         and not (timed and word.kind == "light" and word.value in lights("time"))

@@ -367,6 +367,8 @@ TAKEN_BACK = re.compile(
     r"(?<!^)\b(?:no|wait|sorry|actually|hang on|i mean|rather|scratch that)\b", re.IGNORECASE
 )
 """Words that take back what is before them."""
+TAKEN_SOON = 16
+"""Letters from the word that takes a number back to the one in its place, at most."""
 MEASURED = ("tone", "scale", "turn", "move")
 """Deeds that have an amount."""
 
@@ -383,6 +385,11 @@ def _counted(
         if found.end() <= back or any(a < found.end() and found.start() < b for a, b in marked):
             continue
         measured = [i for i, each in enumerate(asked) if each.deed in MEASURED]
+        old = [i for i in measured if 0 < text.lower().find(asked[i].amount or "|") < back]
+        if old and found.start() < back + TAKEN_SOON and found[0].isdigit():  # "15 cm, no, 20"
+            amount = re.sub(r"\d+(?:[.,]\d+)?", found[0], asked[old[-1]].amount)
+            asked = [replace(e, amount=amount) if i == old[-1] else e for i, e in enumerate(asked)]
+            continue
         free = [i for i in measured if not asked[i].amount]
         if found[0].isdigit() and not measured:
             continue

@@ -31,7 +31,10 @@ STRONGER = {"little": -0.4, "much": 0.5}
 """Shares that a light is weaker or stronger than usual."""
 SEAL = 0.5
 """Least probability of a name that the words do not say."""
-VERB = r"(?<!\bi )(?<!\bwe )(?<!ou )(?<!hey )(?<!not )(?<!n't )(?<!ld )(?<!'d )(?<!ly )(?<!keep )(?<!change )(?<!touch )(?<!the )"
+VERB = (
+    r"(?<!\bi )(?<!\bwe )(?<!ou )(?<!hey )(?<!not )(?<!n't )(?<!ld )(?<!'d )(?<!ly )(?<!keep )"
+    r"(?<!change )(?<!touch )(?<!the )"
+)
 """No "like" of one who likes a thing."""
 REWRITTEN = (
     (r"(?<!\S)-(\d+(?:\.\d+)?) ?(?:degrees?|deg|\u00b0)", r"\1 degrees clockwise"),
@@ -227,7 +230,7 @@ def light(name: str, side: str = "", degree: str = "") -> Change | None:
     word = min(lit, key=lambda each: each.value == "cloudy", default=None)
     if word is None and (value := told_by("light", name)):
         word = Word(value, "light", value)
-    colored = next((w for w in words if w.color and w is not word), None)
+    colored = next((w for w in words if w.color and w is not word and not w.has("shade")), None)
     if word is None and (colored or side or {"light", "lights", "lit", "lamp"} & set(tokens(name))):
         value = "lamp"
     elif word is None:
