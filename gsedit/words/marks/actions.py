@@ -86,6 +86,8 @@ def _factor(asked: Asked, text: str) -> float | None:
         return 1 / number if number > 1 and re.search(r"\bas (?:small|short)", text) else number
     if number < 1 and ("." in said or "/" in said) and not said.startswith("by "):
         return number
+    if number < 1 and re.search(rf"\bby (?:like|about|maybe|say|around) {re.escape(said)}", text):
+        return 1 + sign * number
     if number < 1:
         told = asked.after.lower().endswith(("er", "again", "off", "less"))
         added = told or said.startswith("by") or sign > 0

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from difflib import get_close_matches
 from functools import lru_cache
 
@@ -146,23 +147,32 @@ def turned(asked: Asked, marks: Marked) -> bool:
     thing = asked.of.removeprefix("the ")
     clauses = [each for each in clauses if [t for t in of if t in each] == [thing]]
     clauses = clauses if len(of) > 1 and not loose(asked.of) else []
-    said = next(filter(None, (_of_tone(asked.tone, each) for each in (*clauses, text))), [])
+    named = len(of) > 1 and asked.tone != "hue"
+    found = (_of_tone(asked.tone, each, named=named) for each in (*clauses, text))
+    said = next(filter(None, found), [])
     told = {word.value[-1] for word in said}
     if asked.deed != "tone" or len(told) != 1:
         return False
     same = (asked.sign > 0) == (told == {"+"})
     more = next((word.text for word in said if word.kind == "turn"), "")
-    led = TURNED.search(text[: text.lower().find(more)] + " than" * (" than " in text))
+    before = re.split(r"[,;.!?]|\b(?:so|then|please)\b", text[: text.lower().find(more)])[-1]
+    led = TURNED.search(before) or " than " in text
     if not TURNED.search(text) or (more and not led and not same):
         return not same
     states = "|".join(re.escape(word.text) for word in said if word.kind == "state")
     return same and bool(states) and re.search(TOO + rf"(?:{states})\b", text.lower()) is not None
 
 
-def _of_tone(tone: str, text: str) -> list[Word]:
-    """Words of a text that say more or less of a tone."""
-    words = (word for word in scanned(text) if word.kind in ("state", "turn"))
-    return [word for word in words if word.value.split()[0] == tone]
+def _of_tone(tone: str, text: str, *, named: bool) -> list[Word]:
+    """Words of a text that say more or less of a tone; with `named` also "contrast up"."""
+    words = [word for word in scanned(text) if word.kind not in ("fill", "slight", "strong")]
+    found = [w for w in words if w.kind in ("state", "turn") and w.value.split()[0] == tone]
+    for at, word in enumerate(words if named else ()):
+        ways = {each.kind for each in words[max(at - 1, 0) : at + 2]} & {"up", "down"}
+        if word.kind == "noun" and word.value == tone and len(ways) == 1:
+            way = "+" if ways == {"up"} else "-"
+            found.append(replace(word, kind="turn", value=f"{tone} {way}"))
+    return found
 
 
 def unread(said: Marked, changes: Sequence[Change]) -> tuple[str, ...]:

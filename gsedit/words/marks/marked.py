@@ -312,7 +312,9 @@ OWNER = r"(?:the|my|our|that|this|his|her|its|both|all) "
 SAME = re.compile(
     rf"\b(?:same (?:thing )?(?:goes )?(?:for|with|w)|ditto(?: for)?|so (?:is|are|does|do)) "
     rf"({OWNER}\w+(?: \w+){{0,3}})(?=\W*(?:$|[,.;]| but\b))|"
-    rf"(?:\band|,|&) ((?!the ){OWNER}\w+)(?= (?:too|also|as well|likewise)\W*(?:$|[,.;]| but\b))",
+    rf"(?:\band|,|&) ((?!the ){OWNER}\w+)(?= (?:too|also|as well|likewise)\W*(?:$|[,.;]| but\b))|"
+    rf"[.!?;] ({OWNER}\w+)(?= (?:too|also|as well|likewise)\W*$)|"
+    rf"(?:\band|[,.;]) ((?:{OWNER})?\w+)(?= (?:also )?the same\W*(?:$|[,.;]))",
     re.IGNORECASE,
 )
 """Words that ask the same of one thing more."""
@@ -320,8 +322,6 @@ BESIDE = re.compile(
     rf"\s*, (?!(?:not?|keep|leave|but) )((?:{OWNER})?\w+(?: (?!and)\w+)?)(?:,|,? and|,? &) ?", re.I
 )
 """Words of a thing between two others in a list."""
-LATER = re.compile(rf" (?:and|&) ((?:{OWNER})?\w+)(?=\W*(?:$|[,.;]))", re.IGNORECASE)
-"""Words of a thing after another, at the end of a clause."""
 AHEAD = re.compile(rf"(?:^|\b(?:make|paint|turn) )((?:{OWNER})?\w+)(?: and| ?&) $", re.IGNORECASE)
 """Words of a thing before another."""
 
@@ -337,10 +337,11 @@ def _listed(
         gap = cut.text[at : cut.words[then[0]][0] if then else None] if thing else ""
         alike = then and after and _asks(each) == _asks(after)
         missed = (alike and BESIDE.fullmatch(gap)) or SAME.search(gap)
-        if not missed and (ahead := AHEAD.search(cut.text[:start])):
-            missed = (
-                None if any(a < ahead.end(1) and ahead.start(1) < b for a, b in marked) else ahead
-            )
+        ahead = AHEAD.search(cut.text[:start])
+        if ahead and not any(a < ahead.end(1) and ahead.start(1) < b for a, b in marked):
+            missed = missed or ahead
+        if missed and "the same" in gap[missed.end() :][:14] and each.deed not in ALIKE[0]:
+            missed = None  # "make it larger, the base the same"
         if missed and not loose(of := phrase(missed[missed.lastindex or 1])):
             found.append(replace(each, of=of))
             fresh.append(of)
