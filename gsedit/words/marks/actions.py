@@ -9,7 +9,7 @@ import re
 
 from gsedit.words.amounts import number_of
 from gsedit.words.instruction import Change, Place, Side
-from gsedit.words.lexicon import spans, things
+from gsedit.words.lexicon import pattern, spans, things
 from gsedit.words.marks.marked import Asked
 from gsedit.words.phrases import IT
 from gsedit.words.refusals import Refused
@@ -28,12 +28,7 @@ UNIT = re.compile(rf"(?<![a-z])({spans('metres')})\b")
 LENGTH = re.compile(rf"\S+ ?{UNIT.pattern}")
 TURNS: dict[str, float] = {"quarter": 90.0, "half": 180.0, "full": 360.0}
 """Degrees of a part of a turn."""
-CLOCKWISE = re.compile(
-    r"\b(counter|anti|contra|not)?[ -]?clock ?wise\b|"
-    r"(\b(?:against|opposite|other|reverse|not)(?: to)?(?: the)? )?"
-    r"(?:way|like|as) (?:the |a )?clocks? (?:go|turn|run)",
-    re.IGNORECASE,
-)
+CLOCKWISE = pattern("clockwise")
 """The way of a turn, and what turns it around."""
 WHERE: dict[str, Side] = things("where")  # type: ignore[assignment]
 """The side of each way of the network."""

@@ -14,7 +14,7 @@ from functools import lru_cache
 
 from gsedit.words.amounts import DEFAULT
 from gsedit.words.instruction import Change
-from gsedit.words.lexicon import spans, things
+from gsedit.words.lexicon import pattern, spans, things
 from gsedit.words.marks.actions import LENGTH
 from gsedit.words.marks.marked import ALIKE, TAKEN_BACK, Asked, Marked, loose, pieces, spelled, told
 from gsedit.words.marks.meaning import changes_of, stays
@@ -26,35 +26,13 @@ from gsedit.words.scan import Word, scanned
 LET_BE = r"let (?:it|them|the \w+) be(?= *(?:$|[,;.!]|and |but ))"
 STAYS = re.compile(rf"\b(?:{spans('stays')}|{LET_BE})\b", re.IGNORECASE)
 """Words of what stays."""
-IDLE = re.compile(
-    r"\b(?:leaves|keep it|keeping it|leave it|keep (?:going|on)|stay(?:s|ing)? (?:in|at|with)|"
-    r"leave (?:only|just|nothing)|(?:keep|leave) (?:only|just)|keep (?:the |its |their )?(?:same |"
-    r"original |current )?(?:colou?rs?|shape|size|lighting|light|details?|texture|pose))\b",
-    re.IGNORECASE,
-)
+IDLE = pattern("idle")
 """Words beside which they say no such thing."""
-LED = r"^\W*(?:(?:please|ok|so|well|hey|and|but|no)\W+)*"
-DENIED = re.compile(
-    rf"{LED}(?:do not|don'?t|never|you must not|under no circumstances|avoid|stop,? do not|"
-    r"(?:i|we) (?:do not|don'?t) want (?:you to|it to|an?\b))\b"
-    r"(?!\s+(?:like|love|forget|hesitate|mind|want it so|make it so|be so)\b)"
-    r"(?![^,;.:!]*\b(?:so|too|as \w+ as)\b)|\?\W*(?:no|nope|never)\W*$|\bnot\W*$",
-    re.IGNORECASE,
-)
+DENIED = pattern("denied")
 """A sentence that begins or ends with a denial."""
-TOLD_OF = re.compile(
-    rf"{LED}(?:nobody|no one|there is no need|.*\banything but|avoid this|who \w+ to|don'?t the|"
-    r".*\bthan (?:needed|necessary|wanted|(?:it|they) should)|"
-    r"(?:he|she|they) (?:said|says|told)|"
-    r"if (?:you|we|i) (?!(?:can|could|please|would|want|like|do not|don'?t|may|wo|will)\b))\b",
-    re.IGNORECASE,
-)
+TOLD_OF = pattern("told")
 """A sentence that only tells of a request."""
-INSTEAD = re.compile(
-    r"\b(?:but|instead|rather)\b|(?<!n't )(?<!not )\bjust\b|[,;.:!?]\s*(?:and )?(?:only|make|paint|"
-    r"turn|rotate|spin|move|put|use|give|it should|the|i(?:'d)? (?:want|need|like|prefer|would))\b",
-    re.IGNORECASE,
-)
+INSTEAD = pattern("instead")
 """Words after which what is asked follows what is denied."""
 TOO = r"(?<!not )\btoo\b(?:\W+\w+){0,5}?\W+"
 """Words before a quality that there is too much of."""
@@ -63,10 +41,7 @@ TURNED = re.compile(rf"\b(?:{spans('turned')}|to(?= \w+$))\b|n't\b|'s\b", re.IGN
 CLAUSE = re.compile(r"[^|,;.:!?\n]+")
 TELLS = re.compile(rf"\b(?:{spans('tells')})\b|'(?:s|m|ve|t)\b", re.IGNORECASE)
 """Words of a clause that only tells what there is."""
-VAGUE = (
-    rf"{LED}(?:clean|tidy|declutter|bring|throw)\b(?!.*\b(?:off|out|away|from)\b)|\b(?:recover|"
-    r"isolate)\b|(?<!apart )\b(?:from|in) {}\b"
-)
+VAGUE = pattern("vague").pattern + r"|(?<!apart )\b(?:from|in) {}\b"
 """A sentence that may mean that something goes, and may not."""
 STAYING = re.compile(
     rf"{STAYS.pattern}|\b(?:not?|never|dont|only|but|alone|just|more|less)\b|n't\b", re.I

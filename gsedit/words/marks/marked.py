@@ -163,15 +163,11 @@ ALIKE = (("paint", "material", "cover"), ("light", "weather", "look"))
 """Kinds of changes between which the name decides."""
 NEAREST = 3
 """Names that are told where no word is known."""
-ARTICLES = re.compile(
-    r"^(?:(?:on|of|in|to|for|at|just|only) )+(?=\w)|^(?:an?|only|just|them(?= (?:\w+ )?\w+s\b)) "
-)
+ARTICLES = lexicon.pattern("articles")
 """Words that a phrase does not begin with."""
 ARTICLE = re.compile(r"^(?:the )?(?:the|an?|its?|their|his|her|my)$", re.IGNORECASE)
 """A mark that names nothing."""
-STILL = re.compile(
-    r"(?:'s?|(?: (?:which|rests|real|normal|same|pls|plz|please|though|tho|ok|as|still|intact))+)$"
-)
+STILL = lexicon.pattern("still")
 """Words behind a thing that stays."""
 OWNED = re.compile(r"^(?:the|my|our|your|his|her|its|their|this|that|these|those) ")
 PRONOUN = re.compile(rf"^(?:{lexicon.spans('about')})$")
@@ -308,21 +304,11 @@ def _apart(things: str) -> list[str]:
 
 AND = re.compile(r"(?<=\w)(?:,? and|,? &|,) (?!so\b|then\b|all\b)")
 """Words between two things."""
-OWNER = r"(?:the|my|our|that|this|his|her|its|both|all) "
-SAME = re.compile(
-    rf"\b(?:same (?:thing )?(?:goes )?(?:for|with|w)|ditto(?: for)?|so (?:is|are|does|do)) "
-    rf"({OWNER}\w+(?: \w+){{0,3}})(?=\W*(?:$|[,.;]| but\b))|"
-    rf"(?:\band|,|&) ((?!the ){OWNER}\w+)(?= (?:too|also|as well|likewise)\W*(?:$|[,.;]| but\b))|"
-    rf"[.!?;] ({OWNER}\w+)(?= (?:too|also|as well|likewise)\W*$)|"
-    rf"(?:\band|[,.;]) ((?:{OWNER})?\w+)(?= (?:also )?the same\W*(?:$|[,.;]))",
-    re.IGNORECASE,
-)
+SAME = lexicon.pattern("same")
 """Words that ask the same of one thing more."""
-BESIDE = re.compile(
-    rf"\s*, (?!(?:not?|keep|leave|but) )((?:{OWNER})?\w+(?: (?!and)\w+)?)(?:,|,? and|,? &) ?", re.I
-)
+BESIDE = lexicon.pattern("beside")
 """Words of a thing between two others in a list."""
-AHEAD = re.compile(rf"(?:^|\b(?:make|paint|turn) )((?:{OWNER})?\w+)(?: and| ?&) $", re.IGNORECASE)
+AHEAD = lexicon.pattern("ahead")
 """Words of a thing before another."""
 
 
@@ -355,18 +341,9 @@ def _asks(asked: Asked) -> tuple[object, ...]:
     return asked.deed, asked.name if asked.deed in ("paint", "material", "cover") else ""
 
 
-NUMBER = re.compile(
-    r"(?<![\w#.,])(?<!\w-)(?:\d+(?:[.,/]\d+)?"
-    r"(?: ?(?:%|percent|x|times|degrees?|\u00b0|stops?|cm|mm|m|ft)(?!\w))?|"
-    r"twice|half(?! (?:in|past|an|asleep|way)\b)|double|triple|thrice|"
-    r"(?:an? |one |two |three )?(?:quarter|third)s?(?= |$)|"
-    r"(?:plus|minus) (?:one|two|three))(?!\w)",
-    re.IGNORECASE,
-)
+NUMBER = lexicon.pattern("number")
 """An amount in a sentence."""
-TAKEN_BACK = re.compile(
-    r"(?<!^)\b(?:no|wait|sorry|actually|hang on|i mean|rather|scratch that)\b", re.IGNORECASE
-)
+TAKEN_BACK = lexicon.pattern("taken")
 """Words that take back what is before them."""
 TAKEN_SOON = 16
 """Letters from the word that takes a number back to the one in its place, at most."""

@@ -9,7 +9,7 @@ from dataclasses import replace
 from gsedit.words import colors
 from gsedit.words.amounts import DEFAULT, SLIGHT, STRONG, amount_of, tone
 from gsedit.words.instruction import MOST, Change
-from gsedit.words.lexicon import things
+from gsedit.words.lexicon import pattern, things
 from gsedit.words.marks import values
 from gsedit.words.marks.actions import UNREAL, action, inserted
 from gsedit.words.marks.marked import BACKGROUND, PRONOUN, WHOLE, Asked, Marked, loose, phrase
@@ -26,11 +26,7 @@ PAINTED = re.compile(r"\b(?:paint|painted|dye|dyed|colou?r|coat of)\b", re.IGNOR
 """Words that make a paint of what is a material too: "paint it gold"."""
 ONLY = r"\bonly (?:on|at|in|for|to) {0}\b|\b{0} only\b"
 """Words for what alone changes."""
-TONED = re.compile(
-    r"^the (?:whole )?(?:colou?rs?|tones?|hues?|lighting|brightness|contrast|exposure)"
-    r"(?: of (?=the |my |this |that )|$)|^the (?:red|green|blue|yellow|orange|pink|purple|brown) "
-    r"of (?=the |my |this |that )"
-)
+TONED = pattern("toned")
 """Words of a tone's quality, before whose it is."""
 PLACED = r"(?:back|front|left|right|top|bottom|rear)"
 """Words by which one thing is told from another of its kind."""
@@ -39,13 +35,9 @@ BEHIND = re.compile(r"^the behind (.+)$")
 SUBJECT = re.compile(r"^(?:the )?(?:subject|main thing|main object)$")
 """Phrases of the subject."""
 SOLID = ("material", "paint", "growth", "object")
-STAYS_SO = (
-    r"\b(?:stay(?:s|ing)?|remain(?:s|ing)?|still|(?<!the )(?<!on )(?<!from )left|keep(?:s|ing)? "
-    r"(?:it|them|him|her|its?)|without\b[^,;.]{{,30}}? (?:going|getting|turning|becoming))"
-    r" (?:in )?{}\b"
-)
+STAYS_SO = pattern("stayed").pattern
 """Words before a name that say that something has it and stays."""
-DENIED = re.compile(r"\W*(?:(?:and|please|ok) )*(?:do not|don'?t|never|no need to)\b")
+DENIED = pattern("denies")
 """Beginning of a clause of what must not be."""
 LIT = re.compile(r"\b(?:only|just|alone|solely)\b", re.IGNORECASE)
 """Words that make of a light on a thing a light on that thing alone."""
@@ -91,7 +83,9 @@ def stays(asked: Asked, said: Marked) -> bool:
     clause that says what must not be, with another change elsewhere."""
     text, name, thing = said.text.lower(), asked.name.lower(), re.sub(r"^the ", "", asked.of)
     if asked.deed in SOLID and name:
-        return len(re.findall(STAYS_SO.format(re.escape(name)), text)) == text.count(name) > 0
+        return (
+            len(re.findall(STAYS_SO.replace("NAME", re.escape(name)), text)) == text.count(name) > 0
+        )
     if asked.deed != "tone" or asked.part != "span" or not thing:
         return False
     clauses = re.split(r"[,;.!?]|\b(?:but|just|only|instead)\b", text)

@@ -31,21 +31,9 @@ STRONGER = {"little": -0.4, "much": 0.5}
 """Shares that a light is weaker or stronger than usual."""
 SEAL = 0.5
 """Least probability of a name that the words do not say."""
-VERB = (
-    r"(?<!\bi )(?<!\bwe )(?<!ou )(?<!hey )(?<!not )(?<!n't )(?<!ld )(?<!'d )(?<!ly )(?<!keep )"
-    r"(?<!change )(?<!touch )(?<!the )"
-)
+VERB = lexicon.pattern("verb").pattern
 """No "like" of one who likes a thing."""
-REWRITTEN = (
-    (r"(?<!\S)-(\d+(?:\.\d+)?) ?(?:degrees?|deg|\u00b0)", r"\1 degrees clockwise"),
-    (r"^(?:please )?keep (?:only |just )?([^,.;]+?),? (?:(?:and|but|then) )?(?:delete|remove|erase|"
-     r"lose|clear|get rid of|take away|throw out) (?:everything else|all (?:the )?(?:rest|others?)"
-     r"(?: things?)?|the (?:rest|others?)(?: things?)?)\b", r"remove everything but \1"),
-    (r"\b(?:as if|as though|like) (?:it|they)(?: was| were| is| are|'s|'d been| had been) "
-     r"(?:made|cut|carved|cast|built|knitted|woven)(?: out)? (?:of|from)\b", "made of"),
-    (r"\bnot (?:so )?(red|green|blue|yellow|orange|pink|purple|brown|dark|bright|pale) any ?more\b",
-     r"less \1"),
-)  # fmt: skip
+REWRITTEN = lexicon.patterns("rewritten")
 """Patterns of requests in words that the network does not know, and those that it knows."""
 END = r"(?=$|[,.;!]| (?:please|but|and|with|only|not)\b)"
 LIKE = (
@@ -86,7 +74,7 @@ def plainly(text: str) -> str:
             return f"like {lexicon.things('like').get(words) or told_by('material', words)}"
         return lexicon.things("said").get(words, found[0])
 
-    for pattern, put in REWRITTEN:
+    for put, pattern in REWRITTEN:
         text = re.sub(pattern, put, text, flags=re.IGNORECASE)
     if (gone := re.match(r"no (?:more )?((?:\w+ )?\w+)[ .!]*$", text, re.I)) and all(
         word.kind in ("unknown", "subject", "part") for word in scanned(gone[1])
