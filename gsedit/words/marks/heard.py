@@ -9,7 +9,6 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import replace
-from difflib import get_close_matches
 from functools import lru_cache
 
 from gsedit.words.amounts import DEFAULT
@@ -43,9 +42,7 @@ TELLS = re.compile(rf"\b(?:{spans('tells')})\b|'(?:s|m|ve|t)\b", re.IGNORECASE)
 """Words of a clause that only tells what there is."""
 VAGUE = pattern("vague").pattern + r"|(?<!apart )\b(?:from|in) {}\b"
 """A sentence that may mean that something goes, and may not."""
-STAYING = re.compile(
-    rf"{STAYS.pattern}|\b(?:not?|never|dont|only|but|alone|just|more|less)\b|n't\b", re.I
-)
+STAYING = re.compile(f"{STAYS.pattern}|{pattern('limited').pattern}", re.IGNORECASE)
 """Words without which a light of all that is there leaves nothing as it is, or changed by some."""
 REFUSED = 0.6
 """Least probability that nothing can be done."""
@@ -167,10 +164,6 @@ def unread(said: Marked, changes: Sequence[Change]) -> tuple[str, ...]:
     )  # fmt: skip
 
 
-SLIP = 0.8
-"""Likeness of a word that is spelled wrong to that which is meant."""
-
-
 def _unnamed(name: str, made: str) -> str:
     """Words of a name that say what is in no change: "night" of "fairy lights and night"."""
     words = scanned(name)
@@ -183,8 +176,7 @@ def _unnamed(name: str, made: str) -> str:
         and (at > hue or word.kind == "color") and word.text not in things("within")
         and not (word.color and word.color in made)
         and not any(each and each in made for each in (
-            word.text, word.value, told_by("growth", word.text), told_by("material", word.text),
-            *get_close_matches(word.text, made.split(), 1, SLIP),
+            word.text, word.value, told_by("growth", word.text), told_by("material", word.text)
         ))
         and (solid or word.kind != "look" or " the look" not in made)
         and not (timed and word.kind == "light" and word.value in lights("time"))

@@ -336,9 +336,8 @@ def _listed(
 
 def _asks(asked: Asked) -> tuple[object, ...]:
     """All that is asked of a thing."""
-    if asked.deed == "tone":
-        return asked.deed, asked.tone, asked.sign
-    return asked.deed, asked.name if asked.deed in ("paint", "material", "cover") else ""
+    toned = (asked.tone, asked.sign) if asked.deed == "tone" else ()
+    return asked.deed, asked.deed in ALIKE[0] and asked.name, toned
 
 
 NUMBER = lexicon.pattern("number")

@@ -31,15 +31,9 @@ STRONGER = {"little": -0.4, "much": 0.5}
 """Shares that a light is weaker or stronger than usual."""
 SEAL = 0.5
 """Least probability of a name that the words do not say."""
-VERB = lexicon.pattern("verb").pattern
-"""No "like" of one who likes a thing."""
 REWRITTEN = lexicon.patterns("rewritten")
 """Patterns of requests in words that the network does not know, and those that it knows."""
-END = r"(?=$|[,.;!]| (?:please|but|and|with|only|not)\b)"
-LIKE = (
-    rf"{VERB}\b(?:like|(?:in )?(?:the )?colou?r of) (?:(?:an?|the|my|some) )?"
-    rf"(?:(?:real|old|new|ripe|cheap|shiny|proper|big) )??({{}}){END}"
-)
+LIKE = lexicon.pattern("like").pattern
 """A thing that something is like, behind words that say no more of it, at the end of a clause."""
 
 
@@ -81,7 +75,7 @@ def plainly(text: str) -> str:
     ):
         text = f"remove the {gone[1]}"
     solid = (each for each in _facts("material") if lexicon.entries()[each].kind == "material")
-    like = LIKE.format(lexicon.spans("like", *solid))
+    like = LIKE.replace("NAME", lexicon.spans("like", *solid))
     for pattern in (rf"(?<![\w-])(?:{lexicon.spans('said')})(?![\w-]| ?%)", like):
         text = re.sub(pattern, plain, text, flags=re.IGNORECASE)
     alone = None if "?" in text else _alone(text)
