@@ -38,7 +38,6 @@ def owned(change: Change) -> Change:
 
 BASED = "it with its base"
 """Phrase of the subject with what it stands on."""
-_BASE = r"(?:base|plinth|pedestal|stand|socle|slab|rock|stone|support)"
 WITH_BASE = pattern("based")
 
 

@@ -16,7 +16,7 @@ from gsedit.words.instruction import Change
 from gsedit.words.lexicon import pattern, spans, things
 from gsedit.words.marks.actions import LENGTH
 from gsedit.words.marks.marked import ALIKE, TAKEN_BACK, Asked, Marked, loose, pieces, spelled, told
-from gsedit.words.marks.meaning import changes_of, stays
+from gsedit.words.marks.meaning import DENIED, changes_of, stays
 from gsedit.words.marks.values import plainly, told_by
 from gsedit.words.names import lights
 from gsedit.words.refusals import Refused
@@ -27,8 +27,6 @@ STAYS = re.compile(rf"\b(?:{spans('stays')}|{LET_BE})\b", re.IGNORECASE)
 """Words of what stays."""
 IDLE = pattern("idle")
 """Words beside which they say no such thing."""
-DENIED = pattern("denied")
-"""A sentence that begins or ends with a denial."""
 TOLD_OF = pattern("told")
 """A sentence that only tells of a request."""
 INSTEAD = pattern("instead")
@@ -167,7 +165,6 @@ def unread(said: Marked, changes: Sequence[Change]) -> tuple[str, ...]:
 def _unnamed(name: str, made: str) -> str:
     """Words of a name that say what is in no change: "night" of "fairy lights and night"."""
     words = scanned(name)
-    solid = " made of " in made or " painted " in made
     timed = any(each in made for each in lights("time"))
     hue = next((at for at, w in enumerate(words) if w.color and f"painted {w.text}" in made), -1)
     return " ".join(
@@ -178,8 +175,7 @@ def _unnamed(name: str, made: str) -> str:
         and not any(each and each in made for each in (
             word.text, word.value, told_by("growth", word.text), told_by("material", word.text)
         ))
-        and (solid or word.kind != "look" or " the look" not in made)
-        and not (timed and word.kind == "light" and word.value in lights("time"))
+        and not (timed and word.value in lights("time"))
     )  # fmt: skip
 
 

@@ -287,7 +287,7 @@ def told(cut: Pieces, scores: Mapping, values: tuple[str, ...]) -> Marked:
         things.append(found.get("of"))
     kept, unsure = _kept(cut, chances["kept"], spans)
     spans += kept
-    named = (STILL.sub("", phrase(one)) for each in kept for one in _apart(cut.said(*each)))
+    named = (STILL.sub("", phrase(one)) for each in kept for one in AND.split(cut.said(*each)))
     phrases = tuple(each for each in named if not ARTICLE.match(each))
     letters = tuple((cut.words[a][0], cut.words[b][1]) for a, b in spans)
     refused = float(chances["refused"][1])
@@ -295,11 +295,6 @@ def told(cut: Pieces, scores: Mapping, values: tuple[str, ...]) -> Marked:
     asked, fresh = _listed(cut, asked, things, letters)
     phrases = tuple(p for p in phrases if not any({*p.split()} <= {*of.split()} for of in fresh))
     return Marked(cut.text, tuple(asked), phrases, refused, more, unsure, letters)
-
-
-def _apart(things: str) -> list[str]:
-    """The things of a phrase that are told one beside the other: "his eyes and nose"."""
-    return [things] if any(word.color for word in scanned(things)) else AND.split(things)
 
 
 AND = re.compile(r"(?<=\w)(?:,? and|,? &|,) (?!so\b|then\b|all\b)")
@@ -321,7 +316,12 @@ def _listed(
         found.append(each)
         start, at = (cut.words[thing[0]][0], cut.words[thing[1]][1]) if thing else (0, 0)
         gap = cut.text[at : cut.words[then[0]][0] if then else None] if thing else ""
-        alike = then and after and _asks(each) == _asks(after)
+        what = (
+            (each.tone, each.sign) if each.deed == "tone" else each.deed in ALIKE[0] and each.name
+        )
+        alike = then and after and after.deed == each.deed and what in (
+            False, after.name, (after.tone, after.sign)
+        )  # fmt: skip
         missed = (alike and BESIDE.fullmatch(gap)) or SAME.search(gap)
         ahead = AHEAD.search(cut.text[:start])
         if ahead and not any(a < ahead.end(1) and ahead.start(1) < b for a, b in marked):
@@ -332,12 +332,6 @@ def _listed(
             found.append(replace(each, of=of))
             fresh.append(of)
     return found, fresh
-
-
-def _asks(asked: Asked) -> tuple[object, ...]:
-    """All that is asked of a thing."""
-    toned = (asked.tone, asked.sign) if asked.deed == "tone" else ()
-    return asked.deed, asked.deed in ALIKE[0] and asked.name, toned
 
 
 NUMBER = lexicon.pattern("number")

@@ -30,15 +30,13 @@ TONED = pattern("toned")
 """Words of a tone's quality, before whose it is."""
 PLACED = r"(?:back|front|left|right|top|bottom|rear)"
 """Words by which one thing is told from another of its kind."""
-BEHIND = re.compile(r"^the behind (.+)$")
-"""A phrase of all that is behind something."""
 SUBJECT = re.compile(r"^(?:the )?(?:subject|main thing|main object)$")
 """Phrases of the subject."""
 SOLID = ("material", "paint", "growth", "object")
 STAYS_SO = pattern("stayed").pattern
 """Words before a name that say that something has it and stays."""
-DENIED = pattern("denies")
-"""Beginning of a clause of what must not be."""
+DENIED = pattern("denied")
+"""A sentence, or a clause, that begins or ends with a denial."""
 LIT = re.compile(r"\b(?:only|just|alone|solely)\b", re.IGNORECASE)
 """Words that make of a light on a thing a light on that thing alone."""
 
@@ -83,9 +81,8 @@ def stays(asked: Asked, said: Marked) -> bool:
     clause that says what must not be, with another change elsewhere."""
     text, name, thing = said.text.lower(), asked.name.lower(), re.sub(r"^the ", "", asked.of)
     if asked.deed in SOLID and name:
-        return (
-            len(re.findall(STAYS_SO.replace("NAME", re.escape(name)), text)) == text.count(name) > 0
-        )
+        stayed = re.search(STAYS_SO.replace("NAME", re.escape(name)), text)
+        return stayed is not None and text.count(name) == 1
     if asked.deed != "tone" or asked.part != "span" or not thing:
         return False
     clauses = re.split(r"[,;.!?]|\b(?:but|just|only|instead)\b", text)
@@ -230,8 +227,8 @@ def _placed(change: Change, asked: Asked, text: str, last: str) -> Change:
     if part == "span":
         part = "background" if BACKGROUND.match(of) else "scene" if WHOLE.match(of) else part
         part = "it" if PRONOUN.match(of) or not of else part
-    if part == "span" and (around := BEHIND.match(of)):
-        part, of = "but", phrase(around[1])
+    if part == "span" and of.startswith("the behind "):
+        part, of = "but", phrase(of.removeprefix("the behind "))
     solid, told = change.kind in SOLID, "the copy" if of in things("copied") else of
     if part == "span" and change.name == "brightness" and (lamp := values.lamp(of)):
         return replace(lamp, amount=change.amount)  # "make the moonlight brighter"
