@@ -18,7 +18,6 @@ from gsedit.words.marks.actions import LENGTH
 from gsedit.words.marks.marked import ALIKE, TAKEN_BACK, Asked, Marked, loose, pieces, spelled, told
 from gsedit.words.marks.meaning import DENIED, changes_of, stays
 from gsedit.words.marks.values import plainly, told_by
-from gsedit.words.names import lights
 from gsedit.words.refusals import Refused
 from gsedit.words.scan import Word, scanned
 
@@ -109,14 +108,13 @@ def alone(asked: Asked, said: Marked) -> bool:
 
 
 def turned(asked: Asked, marks: Marked) -> bool:
-    """Whether a tone goes the other way than all words for it, of its clause where several things
-    change, with no word beside them that turns them around; or the way that there is too much of.
-    """
+    """Whether a tone goes the other way than all words for it, in its clause where others change
+    too, which no word beside turns around; or the way that there is too much of."""
     text, of = marks.text, [each.of.removeprefix("the ") for each in marks.asked]
     clauses = [each[0] for each in CLAUSE.finditer(text.lower()) if not TURNED.search(each[0])]
     thing = asked.of.removeprefix("the ")
-    clauses = [each for each in clauses if [t for t in of if t in each] == [thing]]
-    clauses = clauses if len(of) > 1 and not loose(asked.of) else []
+    own = len(of) > 1 and not loose(asked.of)
+    clauses = [each for each in clauses if own and [t for t in of if t in each] == [thing]]
     named = len(of) > 1 and asked.tone != "hue"
     found = (_of_tone(asked.tone, each, named=named) for each in (*clauses, text))
     said = next(filter(None, found), [])
@@ -165,7 +163,6 @@ def unread(said: Marked, changes: Sequence[Change]) -> tuple[str, ...]:
 def _unnamed(name: str, made: str) -> str:
     """Words of a name that say what is in no change: "night" of "fairy lights and night"."""
     words = scanned(name)
-    timed = any(each in made for each in lights("time"))
     hue = next((at for at, w in enumerate(words) if w.color and f"painted {w.text}" in made), -1)
     return " ".join(
         word.text for at, word in enumerate(words)
@@ -175,7 +172,6 @@ def _unnamed(name: str, made: str) -> str:
         and not any(each and each in made for each in (
             word.text, word.value, told_by("growth", word.text), told_by("material", word.text)
         ))
-        and not (timed and word.value in lights("time"))
     )  # fmt: skip
 
 

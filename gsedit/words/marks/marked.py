@@ -319,9 +319,8 @@ def _listed(
         what = (
             (each.tone, each.sign) if each.deed == "tone" else each.deed in ALIKE[0] and each.name
         )
-        alike = then and after and after.deed == each.deed and what in (
-            False, after.name, (after.tone, after.sign)
-        )  # fmt: skip
+        ways = (False, after.name, (after.tone, after.sign)) if then and after else ()
+        alike = ways and after and after.deed == each.deed and what in ways
         missed = (alike and BESIDE.fullmatch(gap)) or SAME.search(gap)
         ahead = AHEAD.search(cut.text[:start])
         if ahead and not any(a < ahead.end(1) and ahead.start(1) < b for a, b in marked):
@@ -338,8 +337,6 @@ NUMBER = lexicon.pattern("number")
 """An amount in a sentence."""
 TAKEN_BACK = lexicon.pattern("taken")
 """Words that take back what is before them."""
-TAKEN_SOON = 16
-"""Letters from the word that takes a number back to the one in its place, at most."""
 MEASURED = ("tone", "scale", "turn", "move")
 """Deeds that have an amount."""
 
@@ -357,7 +354,7 @@ def _counted(
             continue
         measured = [i for i, each in enumerate(asked) if each.deed in MEASURED]
         old = [i for i in measured if 0 < text.lower().find(asked[i].amount or "|") < back]
-        if old and found.start() < back + TAKEN_SOON and found[0].isdigit():  # "15 cm, no, 20"
+        if old and found[0][:1].isdigit() and len(text[back : found.start()].split()) < 3:  # no, 20
             amount = re.sub(r"\d+(?:[.,]\d+)?", found[0], asked[old[-1]].amount)
             asked = [replace(e, amount=amount) if i == old[-1] else e for i, e in enumerate(asked)]
             continue

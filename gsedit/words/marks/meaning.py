@@ -28,8 +28,6 @@ ONLY = r"\bonly (?:on|at|in|for|to) {0}\b|\b{0} only\b"
 """Words for what alone changes."""
 TONED = pattern("toned")
 """Words of a tone's quality, before whose it is."""
-PLACED = r"(?:back|front|left|right|top|bottom|rear)"
-"""Words by which one thing is told from another of its kind."""
 SUBJECT = re.compile(r"^(?:the )?(?:subject|main thing|main object)$")
 """Phrases of the subject."""
 SOLID = ("material", "paint", "growth", "object")
@@ -309,7 +307,7 @@ def _without(
     if thing and change.target == "scene":
         keep = tuple(each for each in named if each != thing)
         return replace(change, target="background", phrase=thing, keep=keep)
-    if pair := re.match(rf"the {PLACED} (\w+)$", phrase):  # "front wheels, not the back ones"
-        named = [re.sub(rf"^(the {PLACED}) ones$", rf"\1 {pair[1]}", each) for each in named]
+    if pair := re.match(r"the (?:back|front|left|right|top|bottom|rear) (\w+)$", phrase):
+        named = [re.sub(r"^(the \w+) ones$", rf"\1 {pair[1]}", each) for each in named]
     change = replace(change, keep=tuple(named))
     return owned(change) if change.target == "background" else change

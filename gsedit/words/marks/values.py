@@ -70,10 +70,6 @@ def plainly(text: str) -> str:
 
     for put, pattern in REWRITTEN:
         text = re.sub(pattern, put, text, flags=re.IGNORECASE)
-    if (gone := re.match(r"no (?:more )?((?:\w+ )?\w+)[ .!]*$", text, re.I)) and all(
-        word.kind in ("unknown", "subject", "part") for word in scanned(gone[1])
-    ):
-        text = f"remove the {gone[1]}"
     solid = (each for each in _facts("material") if lexicon.entries()[each].kind == "material")
     like = LIKE.replace("NAME", lexicon.spans("like", *solid))
     for pattern in (rf"(?<![\w-])(?:{lexicon.spans('said')})(?![\w-]| ?%)", like):
