@@ -218,10 +218,8 @@ def _placed(change: Change, asked: Asked, text: str, last: str) -> Change:
     only = of.endswith(" in the background") or re.search(ONLY.format(re.escape(of)), text, re.I)
     if part == "background" and only:
         part = "span"
-    if change.kind == "tone":
-        of = TONED.sub("", of)
-    if change.kind == "light":
-        of = re.sub(r" from (?:the )?\w+$", "", of)
+    of = TONED.sub("", of) if change.kind == "tone" else of
+    of = re.sub(r" from (?:the )?\w+$", "", of) if change.kind == "light" else of
     if part == "span":
         part = "background" if BACKGROUND.match(of) else "scene" if WHOLE.match(of) else part
         part = "it" if PRONOUN.match(of) or not of else part
