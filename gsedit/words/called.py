@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 from gsedit.formats.registry import READABLE
 from gsedit.words.instruction import Change
-from gsedit.words.lexicon import LIKE
+from gsedit.words.lexicon import LIKE, pattern
 
 SUFFIX = rf"(?:{'|'.join(map(re.escape, READABLE))})\b"
 FILE = re.compile(rf"\"[^\"]+{SUFFIX}\"|'[^']+{SUFFIX}'|[^\s\"',;]+{SUFFIX}", re.IGNORECASE)
@@ -21,12 +21,7 @@ WRITTEN = re.compile(r"[_-]|[a-z]\w*\d", re.IGNORECASE)
 """A sign that a name is written as it was saved, "left_leg-2": it needs no word before it."""
 NOUNS = ("vase", "chair", "lamp", "clock", "barrel", "teapot", "boat", "piano", "ladder", "drum")
 """Nouns that the network knows, to stand for names."""
-GIVEN = re.compile(
-    r"(?:\b(?:in |with )?(?:the |a )?(?:style|manner|look)s? of |(?<!i )(?<!not )\blike )"
-    r"(?:this|that|my|the attached|the given)(?: other)? "
-    r"(?:picture|photo|photograph|image|painting|drawing)\b",
-    re.IGNORECASE,
-)
+GIVEN = pattern("given")
 """Words for the style of a picture that is given beside the sentence."""
 GIVEN_STYLE = "woodcut"
 """Style that the network knows, to stand for it."""

@@ -63,6 +63,16 @@ def things(kind: str) -> dict[str, str]:
     return {phrase: value for _, value, phrases in rows for phrase in phrases}
 
 
+def patterns(kind: str) -> list[tuple[str, str]]:
+    """(value, pattern) of each row of a kind of patterns in `things.txt`."""
+    return [(value, told) for row, value, told in lines_of(THINGS) if row == kind]
+
+
+def pattern(name: str) -> re.Pattern[str]:
+    """The pattern of a name."""
+    return re.compile(dict(patterns("pattern"))[name], re.IGNORECASE)
+
+
 @lru_cache
 def spans(kind: str, *more: str) -> str:
     """A pattern of the phrases of a kind of `things.txt` and of more, the longest first."""

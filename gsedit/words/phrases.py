@@ -3,11 +3,10 @@ and what may not be taken for one. Loads no torch."""
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 
 from gsedit.words.instruction import Change, Instruction
-from gsedit.words.lexicon import things
+from gsedit.words.lexicon import pattern, things
 from gsedit.words.scan import DETERMINERS, scanned
 
 IT = "it"
@@ -26,11 +25,7 @@ def is_noun(phrase: str) -> bool:
     return len(words) == 1 and words[0].kind in ("subject", "unknown") and not ranked
 
 
-QUALITY = re.compile(
-    r"(?:^(?:the|its|their|all)|'s?)?(?: own| original)? ?\b(?:colou?rs?|brightness|contrast|"
-    r"warmth|saturation|sharpness)$|(?:^(?:the|its|their|all)|'s)(?: own| original)? "
-    r"(?:blue|shadows|highlights|whites|blacks|midtones|lighting)$"
-)
+QUALITY = pattern("quality")
 """A quality that stays, with whose it is: "the cake's brightness", "the shadows"."""
 
 
@@ -43,12 +38,7 @@ def owned(change: Change) -> Change:
 
 BASED = "it with its base"
 """Phrase of the subject with what it stands on."""
-_BASE = r"(?:base|plinth|pedestal|stand|socle|slab|rock|stone|support)"
-WITH_BASE = re.compile(
-    rf",? (?:and|with|plus|including|along with|together with) (?:its|his|her|their) {_BASE}\b"
-    rf"|,? (?:with|including|along with|together with) the {_BASE}\b",
-    re.IGNORECASE,
-)
+WITH_BASE = pattern("based")
 
 
 def without_base(sentence: str) -> str:

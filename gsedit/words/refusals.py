@@ -8,7 +8,7 @@ from difflib import SequenceMatcher
 from pathlib import Path
 
 from gsedit.errors import Said
-from gsedit.words.lexicon import lines_of, near_styles, sets, style_words, styles
+from gsedit.words.lexicon import lines_of, near_styles, patterns, sets, style_words, styles
 from gsedit.words.scan import normalised, scanned
 
 
@@ -23,15 +23,8 @@ REASONS = {
     for kind, move, told in lines_of(Path(__file__).with_name("reasons.txt"))
 }
 """Message to a person, by the kind of refusal."""
-_END = r"(?: (?:please|now|again))*[.! ]*$"
-ODD = (
-    (rf"^(?:please )?(?:undo|redo|revert|roll back)(?: (?:it|that|this|all|everything"
-     rf"|(?:the|my|your) (?:last|previous)? ?(?:edit|change|step|one|thing)s?))*{_END}", "undo"),
-    (rf"^(?:please )?(?:remove|delete|erase|clear|get rid of) (?:everything|(?:it )?all"
-     rf"(?: of)?(?: it| the (?:thing|object)s)?|the (?:whole |entire )?scene){_END}", "everything"),
-    (r"\w['\"]?\.(?:npz|gltf|fbx|dae|blend|3ds|ksplat|rad)\b", "insert"),
-)  # fmt: skip
-"""Phrases that take all back or away, files that nothing reads: the kind of refusal of each."""
+ODD = patterns("odd")
+"""Phrases that take all, or a coat, back or away; files that nothing reads: how each is refused."""
 
 
 def first_refusal(sentence: str) -> str | None:
@@ -46,7 +39,7 @@ def first_refusal(sentence: str) -> str | None:
     if foreign >= 2 and foreign >= len(plain) / 2:
         return "language"
     text = normalised(sentence)
-    return next((kind for pattern, kind in ODD if re.search(pattern, text)), None)
+    return next((kind for kind, pattern in ODD if re.search(pattern, text)), None)
 
 
 def reason(refused: Refused) -> Said:

@@ -56,7 +56,6 @@ def test_an_amount_of_a_tone_is_a_signed_share(amount, after, sign, share):
         ("turn", "90 degrees", "", -1, "", "", -0.25),
         ("turn", "a quarter", "", -1, "", "", -0.25),
         ("turn", "", "", 0, "", "turn it around", 0.5),
-        ("turn", "", "", 1, "", "to the left", 0.25),
         ("turn", "30", "", 1, "", "", 1 / 12), ("turn", "a third", "of", 1, "", "", 1 / 3),
     ],
 )  # fmt: skip
@@ -78,9 +77,7 @@ def test_an_amount_of_an_object_is_a_share_of_its_size_or_of_a_circle(
         ("move", "front", "closer", "", None, Place("forward")),
         ("move", "left", "to the left", "0.3 units", 0.3, Place("left", units=True)),
         ("move", "left", "to the left", "30 cm", 0.3, Place("left", metres=True)),
-        ("move", "left", "left", "half its height", 0.5, Place("left")),
         ("copy", "beside", "", "", None, Place("beside", "it")),
-        ("copy", "behind", "behind it", "", None, Place("behind", "it")),
         ("copy", "left", "on its left", "three", 3.0, Place("left", "it")),
     ],
 )

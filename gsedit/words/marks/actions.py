@@ -9,7 +9,7 @@ import re
 
 from gsedit.words.amounts import number_of
 from gsedit.words.instruction import Change, Place, Side
-from gsedit.words.lexicon import spans, things
+from gsedit.words.lexicon import pattern, spans, things
 from gsedit.words.marks.marked import Asked
 from gsedit.words.phrases import IT
 from gsedit.words.refusals import Refused
@@ -28,12 +28,7 @@ UNIT = re.compile(rf"(?<![a-z])({spans('metres')})\b")
 LENGTH = re.compile(rf"\S+ ?{UNIT.pattern}")
 TURNS: dict[str, float] = {"quarter": 90.0, "half": 180.0, "full": 360.0}
 """Degrees of a part of a turn."""
-CLOCKWISE = re.compile(
-    r"\b(counter|anti|contra)?[ -]?clock ?wise\b|"
-    r"(\b(?:against|opposite|other|reverse|not)(?: to)?(?: the)? )?"
-    r"way (?:the |a )?clocks? (?:go|turn|run)",
-    re.IGNORECASE,
-)
+CLOCKWISE = pattern("clockwise")
 """The way of a turn, and what turns it around."""
 WHERE: dict[str, Side] = things("where")  # type: ignore[assignment]
 """The side of each way of the network."""
@@ -74,6 +69,7 @@ def _factor(asked: Asked, text: str) -> float | None:
         return None
     remains = said.startswith(("to ", "at ")) and asked.after.lower() not in ("less", "off")
     remains = remains or asked.after.lower() in ("of", "as", "the", "its")
+    remains = remains and not (sign > 0 and number < 100 and re.search(r"\bas (?:it|they)\b", text))
     if "%" in said or "percent" in said or "per cent" in said:
         share = number / 100
         more = said.startswith("by") or asked.after.lower().endswith("er")
@@ -85,6 +81,8 @@ def _factor(asked: Asked, text: str) -> float | None:
         return 1 / number if number > 1 and re.search(r"\bas (?:small|short)", text) else number
     if number < 1 and ("." in said or "/" in said) and not said.startswith("by "):
         return number
+    if number < 1 and re.search(rf"\bby (?:like|about|maybe|say|around) {re.escape(said)}", text):
+        return 1 + sign * number
     if number < 1:
         told = asked.after.lower().endswith(("er", "again", "off", "less"))
         added = told or said.startswith("by") or sign > 0

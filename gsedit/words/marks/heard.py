@@ -8,66 +8,38 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import lru_cache
 
 from gsedit.words.amounts import DEFAULT
 from gsedit.words.instruction import Change
-from gsedit.words.lexicon import spans, things
+from gsedit.words.lexicon import pattern, spans, things
 from gsedit.words.marks.actions import LENGTH
-from gsedit.words.marks.marked import ALIKE, TAKEN_BACK, Asked, Marked, pieces, spelled, told
-from gsedit.words.marks.meaning import changes_of
-from gsedit.words.marks.values import plainly
+from gsedit.words.marks.marked import ALIKE, TAKEN_BACK, Asked, Marked, loose, pieces, spelled, told
+from gsedit.words.marks.meaning import DENIED, changes_of, stays
+from gsedit.words.marks.values import plainly, told_by
 from gsedit.words.refusals import Refused
 from gsedit.words.scan import Word, scanned
 
 LET_BE = r"let (?:it|them|the \w+) be(?= *(?:$|[,;.!]|and |but ))"
 STAYS = re.compile(rf"\b(?:{spans('stays')}|{LET_BE})\b", re.IGNORECASE)
 """Words of what stays."""
-IDLE = re.compile(
-    r"\b(?:leaves|keep it|keeping it|leave it|keep (?:going|on)|stay(?:s|ing)? (?:in|at|with)|"
-    r"leave (?:only|just|nothing)|(?:keep|leave) (?:only|just)|keep (?:the |its |their )?(?:same |"
-    r"original |current )?(?:colou?rs?|shape|size|lighting|light|details?|texture|pose))\b",
-    re.IGNORECASE,
-)
+IDLE = pattern("idle")
 """Words beside which they say no such thing."""
-LED = r"^\W*(?:(?:please|ok|so|well|hey|and|but|no)\W+)*"
-DENIED = re.compile(
-    rf"{LED}(?:do not|don'?t|never|you must not|under no circumstances|avoid|stop,? do not|"
-    r"(?:i|we) (?:do not|don'?t) want (?:you to|it to|an?\b))\b"
-    r"(?!\s+(?:like|love|forget|hesitate|mind|want it so|make it so|be so)\b)"
-    r"(?![^,;.:!]*\b(?:so|too|as \w+ as)\b)|\?\W*(?:no|nope|never)\W*$|\bnot\W*$",
-    re.IGNORECASE,
-)
-"""A sentence that begins or ends with a denial."""
-TOLD_OF = re.compile(
-    rf"{LED}(?:nobody|no one|there is no need|.*\banything but|avoid this|who \w+ to|don'?t the|"
-    r".*\bthan (?:needed|necessary|wanted|(?:it|they) should)|"
-    r"(?:he|she|they) (?:said|says|told)|"
-    r"if (?:you|we|i) (?!(?:can|could|please|would|want|like|do not|don'?t|may|wo|will)\b))\b",
-    re.IGNORECASE,
-)
+TOLD_OF = pattern("told")
 """A sentence that only tells of a request."""
-INSTEAD = re.compile(
-    r"\b(?:but|instead|rather)\b|(?<!n't )(?<!not )\bjust\b|[,;.:!?]\s*(?:and )?(?:only|make|paint|"
-    r"turn|rotate|spin|move|put|use|give|it should|the|i(?:'d)? (?:want|need|like|prefer|would))\b",
-    re.IGNORECASE,
-)
+INSTEAD = pattern("instead")
 """Words after which what is asked follows what is denied."""
-TOO = r"\btoo\b(?:\W+\w+){0,5}?\W+"
+TOO = r"(?<!not )\btoo\b(?:\W+\w+){0,5}?\W+"
 """Words before a quality that there is too much of."""
 TURNED = re.compile(rf"\b(?:{spans('turned')}|to(?= \w+$))\b|n't\b|'s\b", re.IGNORECASE)
 """Words beside which a quality may be what there is too much of."""
 CLAUSE = re.compile(r"[^|,;.:!?\n]+")
 TELLS = re.compile(rf"\b(?:{spans('tells')})\b|'(?:s|m|ve|t)\b", re.IGNORECASE)
 """Words of a clause that only tells what there is."""
-VAGUE = (
-    rf"{LED}(?:clean|tidy|declutter|bring|throw)\b(?!.*\b(?:off|out|away|from)\b)|\b(?:recover|"
-    r"isolate)\b|(?<!apart )\b(?:from|in) {}\b"
-)
+VAGUE = pattern("vague").pattern + r"|(?<!apart )\b(?:from|in) {}\b"
 """A sentence that may mean that something goes, and may not."""
-STAYING = re.compile(
-    rf"{STAYS.pattern}|\b(?:not?|never|dont|only|but|alone|just|more|less)\b|n't\b", re.I
-)
+STAYING = re.compile(f"{STAYS.pattern}|{pattern('limited').pattern}", re.IGNORECASE)
 """Words without which a light of all that is there leaves nothing as it is, or changed by some."""
 REFUSED = 0.6
 """Least probability that nothing can be done."""
@@ -119,7 +91,7 @@ def unsure(said: Marked, files: Sequence[str] = ()) -> bool:
     least = min((each.sure for each in asked), default=1.0)
     gone = (each for each in said.asked if each.deed == "remove")
     vague = any(re.search(VAGUE.format(re.escape(c.of or "it")), said.text, re.I) for c in gone)
-    doubted = vague or any(turned(each, said.text) for each in said.asked)
+    doubted = vague or any(turned(each, said) for each in said.asked)
     all_of_it = said.asked and all(c.deed in ALIKE[1] and c.part == "scene" for c in said.asked)
     stays = said.kept_more > KEPT_MORE and not (all_of_it and not STAYING.search(said.text))
     if len(said.asked) == 1 and alone(said.asked[0], said):
@@ -135,21 +107,40 @@ def alone(asked: Asked, said: Marked) -> bool:
     return bool(named and not left) and asked.deed != "remove" and not STAYS.search(asked.of)
 
 
-def turned(asked: Asked, text: str) -> bool:
-    """Whether a tone goes the other way than all words of the text for it, with no word beside
-    them that turns them around; or the way that there is too much of."""
-    said = [
-        word for word in scanned(text)
-        if word.kind in ("state", "turn") and word.value.split()[0] == asked.tone
-    ]  # fmt: skip
+def turned(asked: Asked, marks: Marked) -> bool:
+    """Whether a tone goes the other way than all words for it, in its clause where others change
+    too, which no word beside turns around; or the way that there is too much of."""
+    text, of = marks.text, [each.of.removeprefix("the ") for each in marks.asked]
+    clauses = [each[0] for each in CLAUSE.finditer(text.lower()) if not TURNED.search(each[0])]
+    thing = asked.of.removeprefix("the ")
+    own = len(of) > 1 and not loose(asked.of)
+    clauses = [each for each in clauses if own and [t for t in of if t in each] == [thing]]
+    named = len(of) > 1 and asked.tone != "hue"
+    found = (_of_tone(asked.tone, each, named=named) for each in (*clauses, text))
+    said = next(filter(None, found), [])
     told = {word.value[-1] for word in said}
     if asked.deed != "tone" or len(told) != 1:
         return False
     same = (asked.sign > 0) == (told == {"+"})
-    if not TURNED.search(text):
+    more = next((word.text for word in said if word.kind == "turn"), "")
+    before = re.split(r"[,;.!?]|\b(?:so|then|please)\b", text[: text.lower().find(more)])[-1]
+    led = TURNED.search(before) or " than " in text
+    if not TURNED.search(text) or (more and not led and not same):
         return not same
     states = "|".join(re.escape(word.text) for word in said if word.kind == "state")
     return same and bool(states) and re.search(TOO + rf"(?:{states})\b", text.lower()) is not None
+
+
+def _of_tone(tone: str, text: str, *, named: bool) -> list[Word]:
+    """Words of a text that say more or less of a tone; with `named` also "contrast up"."""
+    words = [word for word in scanned(text) if word.kind not in ("fill", "slight", "strong")]
+    found = [w for w in words if w.kind in ("state", "turn") and w.value.split()[0] == tone]
+    for at, word in enumerate(words if named else ()):
+        ways = {each.kind for each in words[max(at - 1, 0) : at + 2]} & {"up", "down"}
+        if word.kind == "noun" and word.value == tone and len(ways) == 1:
+            way = "+" if ways == {"up"} else "-"
+            found.append(replace(word, kind="turn", value=f"{tone} {way}"))
+    return found
 
 
 def unread(said: Marked, changes: Sequence[Change]) -> tuple[str, ...]:
@@ -159,11 +150,28 @@ def unread(said: Marked, changes: Sequence[Change]) -> tuple[str, ...]:
     toned = any(each.deed == "tone" for each in said.asked)
     made = f"{'; '.join(map(str, changes))} scales day"
     far = (LENGTH.match(each.amount or each.to) for each in said.asked if each.deed == "copy")
-    return tuple(found[0] for found in far if found) + tuple(
+    named = (c.name for c in said.asked if c.deed in sum(ALIKE, ()) and not stays(c, said))
+    names = dict.fromkeys(_unnamed(each, made.lower()) for each in named)
+    return tuple(found[0] for found in far if found) + tuple(filter(None, names)) + tuple(
         found[0].strip()
         for found in CLAUSE.finditer(said.left)
         if found.end() > end and not TELLS.search(found[0])
         and any(_lost(word, made, toned=toned) for word in scanned(found[0]))
+    )  # fmt: skip
+
+
+def _unnamed(name: str, made: str) -> str:
+    """Words of a name that say what is in no change: "night" of "fairy lights and night"."""
+    words = scanned(name)
+    hue = next((at for at, w in enumerate(words) if w.color and f"painted {w.text}" in made), -1)
+    return " ".join(
+        word.text for at, word in enumerate(words)
+        if word.kind in ("unknown", *things("becomes")) and len(word.text) > 2
+        and (at > hue or word.kind == "color") and word.text not in things("within")
+        and not (word.color and word.color in made)
+        and not any(each and each in made for each in (
+            word.text, word.value, told_by("growth", word.text), told_by("material", word.text)
+        ))
     )  # fmt: skip
 
 

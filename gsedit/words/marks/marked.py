@@ -163,13 +163,11 @@ ALIKE = (("paint", "material", "cover"), ("light", "weather", "look"))
 """Kinds of changes between which the name decides."""
 NEAREST = 3
 """Names that are told where no word is known."""
-ARTICLES = re.compile(
-    r"^(?:(?:on|of|in|to|for|at|just|only) )+(?=\w)|^(?:an?|only|just|them(?= (?:\w+ )?\w+s\b)) "
-)
+ARTICLES = lexicon.pattern("articles")
 """Words that a phrase does not begin with."""
 ARTICLE = re.compile(r"^(?:the )?(?:the|an?|its?|their|his|her|my)$", re.IGNORECASE)
 """A mark that names nothing."""
-STILL = re.compile(r"(?:'s?|(?: (?:which|rests))+)$")
+STILL = lexicon.pattern("still")
 """Words behind a thing that stays."""
 OWNED = re.compile(r"^(?:the|my|our|your|his|her|its|their|this|that|these|those) ")
 PRONOUN = re.compile(rf"^(?:{lexicon.spans('about')})$")
@@ -276,6 +274,7 @@ def told(cut: Pieces, scores: Mapping, values: tuple[str, ...]) -> Marked:
     """Marks by the scores of one sentence: see `gsedit.words.marks.network.Marker`."""
     chances = {name: each.softmax(-1) for name, each in scores.items()}
     asked, spans, more = list[Asked](), list[tuple[int, int]](), 0.0
+    things = list[tuple[int, int] | None]()
     for at in range(CHANGES):
         row = {name: chances[name][at] for name in (*CLASSES, "ends")}
         deed = int(row["deed"].argmax())
@@ -284,28 +283,59 @@ def told(cut: Pieces, scores: Mapping, values: tuple[str, ...]) -> Marked:
             break
         change, found = _asked(cut, row, values)
         asked.append(change)
-        spans += found
+        spans += found.values()
+        things.append(found.get("of"))
     kept, unsure = _kept(cut, chances["kept"], spans)
     spans += kept
-    things = (STILL.sub("", phrase(cut.said(*each))) for each in kept)
-    phrases = tuple(each for each in things if not ARTICLE.match(each))
+    named = (STILL.sub("", phrase(one)) for each in kept for one in AND.split(cut.said(*each)))
+    phrases = tuple(each for each in named if not ARTICLE.match(each))
     letters = tuple((cut.words[a][0], cut.words[b][1]) for a, b in spans)
     refused = float(chances["refused"][1])
     asked, more = _counted(cut.text, asked, letters, more)
+    asked, fresh = _listed(cut, asked, things, letters)
+    phrases = tuple(p for p in phrases if not any({*p.split()} <= {*of.split()} for of in fresh))
     return Marked(cut.text, tuple(asked), phrases, refused, more, unsure, letters)
 
 
-NUMBER = re.compile(
-    r"(?<![\w#.,])(?<!\w-)(?:\d+(?:[.,/]\d+)?"
-    r"(?: ?(?:%|percent|x|times|degrees?|\u00b0|stops?|cm|mm|m|ft)(?!\w))?|"
-    r"twice|half|double|triple|thrice|(?:an? |one |two |three )?(?:quarter|third)s?(?= |$)|"
-    r"(?:plus|minus) (?:one|two|three))(?!\w)",
-    re.IGNORECASE,
-)
+AND = re.compile(r"(?<=\w)(?:,? and|,? &|,) (?!so\b|then\b|all\b)")
+"""Words between two things."""
+SAME = lexicon.pattern("same")
+"""Words that ask the same of one thing more."""
+BESIDE = lexicon.pattern("beside")
+"""Words of a thing between two others in a list."""
+AHEAD = lexicon.pattern("ahead")
+"""Words of a thing before another."""
+
+
+def _listed(
+    cut: Pieces, asked: list[Asked], things: Sequence, marked: Sequence[tuple[int, int]]
+) -> tuple[list[Asked], list[str]]:
+    """(changes with those of things in a list that the marks leave out, phrases of these)."""
+    found, fresh = list[Asked](), list[str]()
+    for each, after, thing, then in zip(asked, [*asked[1:], None], things, [*things[1:], None]):
+        found.append(each)
+        start, at = (cut.words[thing[0]][0], cut.words[thing[1]][1]) if thing else (0, 0)
+        gap = cut.text[at : cut.words[then[0]][0] if then else None] if thing else ""
+        what = (
+            (each.tone, each.sign) if each.deed == "tone" else each.deed in ALIKE[0] and each.name
+        )
+        ways = (False, after.name, (after.tone, after.sign)) if then and after else ()
+        alike = ways and after and after.deed == each.deed and what in ways
+        missed = (alike and BESIDE.fullmatch(gap)) or SAME.search(gap)
+        ahead = AHEAD.search(cut.text[:start])
+        if ahead and not any(a < ahead.end(1) and ahead.start(1) < b for a, b in marked):
+            missed = missed or ahead
+        if missed and "the same" in gap[missed.end() :][:14] and each.deed not in ALIKE[0]:
+            missed = None  # "make it larger, the base the same"
+        if missed and not loose(of := phrase(missed[missed.lastindex or 1])):
+            found.append(replace(each, of=of))
+            fresh.append(of)
+    return found, fresh
+
+
+NUMBER = lexicon.pattern("number")
 """An amount in a sentence."""
-TAKEN_BACK = re.compile(
-    r"(?<!^)\b(?:no|wait|sorry|actually|hang on|i mean|rather|scratch that)\b", re.IGNORECASE
-)
+TAKEN_BACK = lexicon.pattern("taken")
 """Words that take back what is before them."""
 MEASURED = ("tone", "scale", "turn", "move")
 """Deeds that have an amount."""
@@ -323,6 +353,11 @@ def _counted(
         if found.end() <= back or any(a < found.end() and found.start() < b for a, b in marked):
             continue
         measured = [i for i, each in enumerate(asked) if each.deed in MEASURED]
+        old = [i for i in measured if 0 < text.lower().find(asked[i].amount or "|") < back]
+        if old and found[0][:1].isdigit() and len(text[back : found.start()].split()) < 3:  # no, 20
+            amount = re.sub(r"\d+(?:[.,]\d+)?", found[0], asked[old[-1]].amount)
+            asked = [replace(e, amount=amount) if i == old[-1] else e for i, e in enumerate(asked)]
+            continue
         free = [i for i in measured if not asked[i].amount]
         if found[0].isdigit() and not measured:
             continue
@@ -334,8 +369,8 @@ def _counted(
     return asked, more
 
 
-def _asked(cut: Pieces, row: Mapping, values: tuple[str, ...]) -> tuple[Asked, list]:
-    """(a change, the words that it is marked in)."""
+def _asked(cut: Pieces, row: Mapping, values: tuple[str, ...]) -> tuple[Asked, dict]:
+    """(a change, the words that it is marked in by what they are)."""
     kinds = {**CLASSES, "value": values}
     best = {name: row[name].max(-1) for name in kinds}
     of = {name: classes[int(best[name].indices)] for name, classes in kinds.items()}
@@ -371,7 +406,7 @@ def _asked(cut: Pieces, row: Mapping, values: tuple[str, ...]) -> tuple[Asked, l
         "name": of["deed"] not in ("scale", "turn", "move", "copy", "remove"),
         "to": of["deed"] in ("move", "copy", "insert"),
     }  # fmt: skip
-    return change, [each for name, each in found.items() if each and used[name]]
+    return change, {name: each for name, each in found.items() if each and used[name]}
 
 
 def _span(cut: Pieces, first, last) -> tuple[int, int] | None:

@@ -9,10 +9,10 @@ from dataclasses import replace
 from gsedit.words import colors
 from gsedit.words.amounts import DEFAULT, SLIGHT, STRONG, amount_of, tone
 from gsedit.words.instruction import MOST, Change
-from gsedit.words.lexicon import things
+from gsedit.words.lexicon import pattern, things
 from gsedit.words.marks import values
 from gsedit.words.marks.actions import UNREAL, action, inserted
-from gsedit.words.marks.marked import BACKGROUND, PRONOUN, WHOLE, Asked, Marked, loose
+from gsedit.words.marks.marked import BACKGROUND, PRONOUN, WHOLE, Asked, Marked, loose, phrase
 from gsedit.words.names import light_of, lights
 from gsedit.words.phrases import IT, QUALITY, owned
 from gsedit.words.refusals import Refused
@@ -26,17 +26,26 @@ PAINTED = re.compile(r"\b(?:paint|painted|dye|dyed|colou?r|coat of)\b", re.IGNOR
 """Words that make a paint of what is a material too: "paint it gold"."""
 ONLY = r"\bonly (?:on|at|in|for|to) {0}\b|\b{0} only\b"
 """Words for what alone changes."""
+TONED = pattern("toned")
+"""Words of a tone's quality, before whose it is."""
 SUBJECT = re.compile(r"^(?:the )?(?:subject|main thing|main object)$")
 """Phrases of the subject."""
 SOLID = ("material", "paint", "growth", "object")
+STAYS_SO = pattern("stayed").pattern
+"""Words before a name that say that something has it and stays."""
+DENIED = pattern("denied")
+"""A sentence, or a clause, that begins or ends with a denial."""
 LIT = re.compile(r"\b(?:only|just|alone|solely)\b", re.IGNORECASE)
 """Words that make of a light on a thing a light on that thing alone."""
 
 
 def changes_of(said: Marked, files: Sequence[str] = ()) -> list[Change]:
     """Changes of what is marked in a sentence. Raises Refused for what nothing does."""
-    found, last, left = list[Change](), "", list(files)
+    found, last, left, kept = list[Change](), "", list(files), list(said.kept)
     for before, asked in zip((None, *said.asked), said.asked):
+        if stays(asked, said):
+            kept.append(asked.of or IT)
+            continue
         both = before and before.deed == asked.deed == "tone" and asked.of == before.of
         both = both and not any(map(WHOLE.match, said.text.split()))
         if before and both and asked.part == "scene":
@@ -60,7 +69,25 @@ def changes_of(said: Marked, files: Sequence[str] = ()) -> list[Change]:
     _refuse_two(found)
     if any(change.name in (values.GLOW, "lava") for change in found):  # it glows in that light
         found.sort(key=lambda change: change.kind != "light")
-    return _but([_checked(each) for each in found], said.kept)
+    if not found:
+        raise Refused("kept", *kept)
+    return _but([_checked(each) for each in found], kept)
+
+
+def stays(asked: Asked, said: Marked) -> bool:
+    """Whether what is marked as a change is what stays, as "the crane left yellow", or a tone of a
+    clause that says what must not be, with another change elsewhere."""
+    text, name, thing = said.text.lower(), asked.name.lower(), re.sub(r"^the ", "", asked.of)
+    if asked.deed in SOLID and name:
+        stayed = re.search(STAYS_SO.replace("NAME", re.escape(name)), text)
+        return stayed is not None and text.count(name) == 1
+    if asked.deed != "tone" or asked.part != "span" or not thing:
+        return False
+    clauses = re.split(r"[,;.!?]|\b(?:but|just|only|instead)\b", text)
+    rest = " , ".join(each for each in clauses if not DENIED.match(each))
+    tones = {word.value.split()[0] for word in scanned(rest) if word.kind in ("state", "turn")}
+    others = any(other.of and other.of.removeprefix("the ") in rest for other in said.asked)
+    return others and thing in text and thing not in rest and asked.tone not in tones
 
 
 def _once(changes: Sequence[Change]) -> list[Change]:
@@ -191,11 +218,13 @@ def _placed(change: Change, asked: Asked, text: str, last: str) -> Change:
     only = of.endswith(" in the background") or re.search(ONLY.format(re.escape(of)), text, re.I)
     if part == "background" and only:
         part = "span"
-    if change.kind == "light":
-        of = re.sub(r" from (?:the )?\w+$", "", of)
+    of = TONED.sub("", of) if change.kind == "tone" else of
+    of = re.sub(r" from (?:the )?\w+$", "", of) if change.kind == "light" else of
     if part == "span":
         part = "background" if BACKGROUND.match(of) else "scene" if WHOLE.match(of) else part
         part = "it" if PRONOUN.match(of) or not of else part
+    if part == "span" and of.startswith("the behind "):
+        part, of = "but", phrase(of.removeprefix("the behind "))
     solid, told = change.kind in SOLID, "the copy" if of in things("copied") else of
     if part == "span" and change.name == "brightness" and (lamp := values.lamp(of)):
         return replace(lamp, amount=change.amount)  # "make the moonlight brighter"
@@ -276,5 +305,7 @@ def _without(
     if thing and change.target == "scene":
         keep = tuple(each for each in named if each != thing)
         return replace(change, target="background", phrase=thing, keep=keep)
+    if pair := re.match(r"the (?:back|front|left|right|top|bottom|rear) (\w+)$", phrase):
+        named = [re.sub(r"^(the \w+) ones$", rf"\1 {pair[1]}", each) for each in named]
     change = replace(change, keep=tuple(named))
     return owned(change) if change.target == "background" else change

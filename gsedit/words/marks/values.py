@@ -31,13 +31,9 @@ STRONGER = {"little": -0.4, "much": 0.5}
 """Shares that a light is weaker or stronger than usual."""
 SEAL = 0.5
 """Least probability of a name that the words do not say."""
-VERB = r"(?<!\bi )(?<!\bwe )(?<!ou )(?<!hey )(?<!not )(?<!n't )(?<!ld )(?<!'d )(?<!ly )"
-"""No "like" of one who likes a thing."""
-END = r"(?=$|[,.;!]| (?:please|but|and|with|only|not)\b)"
-LIKE = (
-    rf"{VERB}\b(?:like|(?:in )?(?:the )?colou?r of) (?:(?:an?|the|my|some) )?"
-    rf"(?:(?:real|old|new|ripe|cheap|shiny|proper|big) )??({{}}){END}"
-)
+REWRITTEN = lexicon.patterns("rewritten")
+"""Patterns of requests in words that the network does not know, and those that it knows."""
+LIKE = lexicon.pattern("like").pattern
 """A thing that something is like, behind words that say no more of it, at the end of a clause."""
 
 
@@ -67,13 +63,15 @@ def plainly(text: str) -> str:
     are like, and where it is but a name."""
 
     def plain(found: re.Match[str]) -> str:
-        words = re.sub(r"(?<=\w)[ -]+", " ", found[found.lastindex or 0].lower())
+        words = re.sub(r" +|(?<=\w)-(?=[a-z])", " ", found[found.lastindex or 0].lower())
         if found.lastindex:
             return f"like {lexicon.things('like').get(words) or told_by('material', words)}"
-        return lexicon.things("said")[words]
+        return lexicon.things("said").get(words, found[0])
 
+    for put, pattern in REWRITTEN:
+        text = re.sub(pattern, put, text, flags=re.IGNORECASE)
     solid = (each for each in _facts("material") if lexicon.entries()[each].kind == "material")
-    like = LIKE.format(lexicon.spans("like", *solid))
+    like = LIKE.replace("NAME", lexicon.spans("like", *solid))
     for pattern in (rf"(?<![\w-])(?:{lexicon.spans('said')})(?![\w-]| ?%)", like):
         text = re.sub(pattern, plain, text, flags=re.IGNORECASE)
     alone = None if "?" in text else _alone(text)
@@ -210,7 +208,7 @@ def light(name: str, side: str = "", degree: str = "") -> Change | None:
     word = min(lit, key=lambda each: each.value == "cloudy", default=None)
     if word is None and (value := told_by("light", name)):
         word = Word(value, "light", value)
-    colored = next((w for w in words if w.color and w is not word), None)
+    colored = next((w for w in words if w.color and w is not word and not w.has("shade")), None)
     if word is None and (colored or side or {"light", "lights", "lit", "lamp"} & set(tokens(name))):
         value = "lamp"
     elif word is None:
