@@ -13,8 +13,8 @@ ROOT = Path(__file__).parents[1]
 LONGEST_FUNCTION = 40
 """Lines, the docstring not counted."""
 MOST = {
-    "product": (("gsedit", "cli", "rasterizer"), 64_942, 367),
-    "tests": (("tests",), 30_821, 284),
+    "product": (("gsedit", "cli", "rasterizer"), 64_941, 367),
+    "tests": (("tests",), 30_810, 284),
     "examples": (("examples",), 5_450, 41),
 }
 """Lines and files of Python of the whole house: whoever wants a line finds one to give. These

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
 
@@ -59,7 +58,6 @@ FORMATS = (
     Kept(".ply", 0, 1e-6, 0, 1e-7, 0, 200),
     # linear scales and opacities, float32
     Kept(".glb", 1e-7, 1e-3, 1e-5, 1e-6, 1e-6, 90),
-    *([Kept(".usda", 0, 1e-3, 1e-5, 1e-6, 0, 90)] if find_spec("pxr") else []),
     # 11, 10, 11 bits of a chunk of 256 rows, 10 bits of a component, 8 of the chunk's colors
     Kept(".compressed.ply", 1 / 1023, 6e-3, 0.02, 1 / 500, 0.05, 45),
     # 12 bits behind the point, scales in steps of 1/16, colors of 1 / (255 * 0.15)

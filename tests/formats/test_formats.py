@@ -48,7 +48,7 @@ def test_a_ply_keeps_everything(degree, tmp_path):
     assert header.comments[0] == "Vertical Axis: z"
 
 
-@pytest.mark.parametrize("suffix", formats.WRITABLE)
+@pytest.mark.parametrize("suffix", sorted({*formats.WRITABLE} - {".usd"}))  # a .usdc
 def test_parts_without_rows_change_nothing(suffix, tmp_path):
     """As a filter leaves them."""
     if suffix in formats.USD and find_spec("pxr") is None:
