@@ -84,10 +84,6 @@ class Verbs(TyperGroup):
             code = self.end(error, arguments)
         sys.exit(code or OK)
 
-    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        short = args[:1] == ["looks"]  # gsedit looks SENTENCE: what a sentence asks for
-        return super().resolve_command(ctx, ["list", *args] if short else args)
-
     def invoke(self, ctx: Any) -> Any:
         try:
             return super().invoke(ctx)

@@ -109,8 +109,8 @@ class Request:
 
     @property
     def draws(self) -> bool:
-        """Whether the editor draws on paper: it sees depths, and no color of the scene stays."""
-        return isinstance(self.editor, StylePainter) and self.editor.draws
+        """Whether the editor draws by rules: it is told places, and no color of the scene stays."""
+        return isinstance(self.editor, StylePainter) and bool(self.editor.rules)
 
     @property
     def every_view(self) -> tuple[View, ...]:

@@ -131,7 +131,7 @@ def test_every_look_is_listed():
 
 
 def test_a_sentence_is_read():
-    result = gsedit("looks", "paint the bear teal and lower the contrast by 20%", "--json")
+    result = gsedit("list", "looks", "paint the bear teal and lower the contrast by 20%", "--json")
     record = json.loads(result.stdout)
     assert record["known"] is True
     assert record["changes"] == [
@@ -147,6 +147,6 @@ def test_a_sentence_is_read():
 
 
 def test_a_sentence_that_nothing_fulfills_is_refused_with_the_reason():
-    record = json.loads(gsedit("looks", "give it a hat", "--json").stdout)
+    record = json.loads(gsedit("list", "looks", "give it a hat", "--json").stdout)
     assert (record["known"], record["changes"]) == (False, [])
     assert record["why"]

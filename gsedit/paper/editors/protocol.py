@@ -167,8 +167,8 @@ class StylePainter(Editor, Protocol):
         ...
 
     @property
-    def draws(self) -> bool:
-        """Whether it draws on paper: none of the scene's own colors stay."""
+    def rules(self) -> tuple[str, ...]:
+        """Rules by which it draws what is asked for: none of the scene's own colors stay."""
         ...
 
     def in_styles(self, names: tuple[str, ...]) -> Editor:

@@ -24,7 +24,6 @@ from gsedit.scene.color_space import LUMINANCE
 from gsedit.views.noise import noise
 
 Map = NDArray[np.float64]
-GRAY = LUMINANCE / LUMINANCE.sum()
 PAPER, GRAPHITE = 0.97, 0.12
 """Display tones of paper and of lines in pencil."""
 PRINTED, INK = np.array([0.94, 0.89, 0.78]), np.array([0.08, 0.06, 0.05])
@@ -87,7 +86,7 @@ def _sight(picture: Float[Tensor, "h w 3"], places: Places | None, k: int) -> Si
     """The k-th of the views; where nothing is known, the picture is a plane."""
     values = picture.double().numpy()
     if places is None:
-        low, high = np.quantile(values @ GRAY, (0.02, 0.97))
+        low, high = np.quantile(values @ LUMINANCE, (0.02, 0.97))
         points, up, far = np.zeros_like(values), np.array([0.0, -1.0, 0.0]), None
         points[..., 1], points[..., 0] = np.indices(values.shape[:2])
     else:
@@ -99,7 +98,7 @@ def _sight(picture: Float[Tensor, "h w 3"], places: Places | None, k: int) -> Si
 
 def penciled(sight: Sight) -> Map:
     """Lines, and hatching by tone, paler where it is far."""
-    tone, pale = sight.picture @ GRAY, 1.0
+    tone, pale = sight.picture @ LUMINANCE, 1.0
     if sight.far is not None:
         pale = np.exp(2 * (np.quantile(sight.far, 0.3) - sight.far) + 0.5).clip(0.25, 1)
     calm = tone + (_busy(tone) - 0.7).clip(0, 1) * (gaussian_filter(_even(tone, 2), 12) - tone)
@@ -110,17 +109,17 @@ def penciled(sight: Sight) -> Map:
 def inked(sight: Sight) -> Map:
     """Few tones of flat, vivid color, and lines in ink."""
     flat = _calm(sight.picture, 4, 4)
-    tone = flat @ GRAY
+    tone = flat @ LUMINANCE
     whole = np.floor(tone * TONES)
     step = (whole + expit((tone * TONES - whole - 0.5) / 0.06)) / TONES
     scale = ((0.12 + 0.88 * step) / (tone + 1e-3)).clip(0.3, 2.5)
     color = _vivid(flat * scale[..., None], VIVID).clip(0, 1)
-    return color * (1 - _lines(sight.picture @ GRAY, sight.far, WIDE) ** 0.7)[..., None]
+    return color * (1 - _lines(sight.picture @ LUMINANCE, sight.far, WIDE) ** 0.7)[..., None]
 
 
 def charcoaled(sight: Sight) -> Map:
     """Broad, soft tones, and thick lines."""
-    tone = sight.picture @ GRAY
+    tone = sight.picture @ LUMINANCE
     grain = noise(torch.from_numpy(sight.points.reshape(-1, 3) / 3)).numpy()
     soft = _soft(tone) - 0.1 * grain.reshape(tone.shape)
     shade = expit((0.4 - soft) / 0.13)
@@ -130,15 +129,14 @@ def charcoaled(sight: Sight) -> Map:
 
 def carved(sight: Sight) -> Map:
     """Ink between cut lines, which are the wider the brighter it is."""
-    tone = sight.picture @ GRAY
+    tone = sight.picture @ LUMINANCE
     calm = _soft(tone)
     up = sight.up / np.linalg.norm(sight.up)
     side: Any = np.cross(up, np.eye(3)[np.abs(up).argmin()])
     across = up + ASIDE * side / np.linalg.norm(side)
     phase = sight.points @ across / (CUT * np.linalg.norm(across)) + BEND * gaussian_filter(calm, 4)
     wave = 0.9 * abs(phase % 1 * 2 - 1) + 0.05
-    shade = expit((1 - 1.15 * calm - wave) / 0.08)
-    ink = np.maximum(shade, _lines(tone, sight.far, WIDE))
+    ink = np.maximum(expit((1 - 1.15 * calm - wave) / 0.08), _lines(tone, sight.far, WIDE))
     return PRINTED + (INK - PRINTED) * ink[..., None]
 
 
@@ -161,7 +159,7 @@ def dotted(sight: Sight) -> Map:
 
 def planned(sight: Sight) -> Map:
     """White lines on blue, and a little of the tone."""
-    tone = sight.picture @ GRAY
+    tone = sight.picture @ LUMINANCE
     ink = np.maximum(_lines(tone, sight.far), 0.25 * _even(tone, 4))
     return BLUE + (PAPER - BLUE) * ink[..., None]
 
@@ -184,9 +182,8 @@ def _lines(tone: Map, far: Map | None, wide: float = 1.0) -> Map:
     sizes = [wide * each for each in LINES]
     edges = (gaussian_filter(even, 1.6 * size) - gaussian_filter(even, size) for size in sizes)
     line = np.max([_long(each / (EDGE * busy.clip(1))) for each in edges], 0)
-    if far is None:
-        return line
-    return np.maximum(line, _long((gaussian_filter(far, 2 * wide) - far) / JUMP))
+    jumps = 0 if far is None else _long((gaussian_filter(far, 2 * wide) - far) / JUMP)
+    return np.maximum(line, jumps)
 
 
 def _busy(tone: Map) -> Map:
@@ -197,7 +194,7 @@ def _busy(tone: Map) -> Map:
 
 def _vivid(picture: Map, factor: float) -> Map:
     """The picture with its saturation raised."""
-    gray = (picture @ GRAY)[..., None]
+    gray = (picture @ LUMINANCE)[..., None]
     return gray + factor * (picture - gray)
 
 

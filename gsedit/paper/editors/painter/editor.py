@@ -82,11 +82,6 @@ class Painter:
         return ", ".join(("painter", *details, *["colors kept"] * self.keep_colors))
 
     @property
-    def draws(self) -> bool:
-        """Whether it draws by rules."""
-        return bool(self.rules)
-
-    @property
     def capabilities(self) -> Capabilities:
         """It draws at a size of its own."""
         return Capabilities(best_size=BRUSH, enlarges=True)
@@ -106,7 +101,7 @@ class Painter:
             raise UsageError(Said(f"{named[0]} is not the style of {self.like}", "unlike"))
         rules = tuple(name for name in named if name in DRAWN)
         maps = [self.styles[styles()[name]] for name in named if name not in rules]
-        maps = maps if rules else maps or [self.styles[0]]
+        maps = maps or [self.styles[0]] * (not rules)
         asked = mixed(maps, [1.0] * len(maps)) if maps else ()
         return replace(self, asked=asked, rules=rules)
 
