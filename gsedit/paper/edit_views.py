@@ -231,7 +231,7 @@ EYES = 32
 
 
 def _places(session: Session, members: Sequence[int]) -> Places:
-    """Where pixels of these views are, at the size at which they are edited."""
+    """Places of the pixels of these views, at the size at which they are edited."""
     unedited, depths, points = session.unedited, list[Tensor](), list[Tensor]()
     views = session.request.every_view
     cameras = [views[i].camera for i in evenly_spaced(len(views), EYES)]

@@ -115,9 +115,8 @@ def test_strokes_around_an_object_are_left_out():
 def places_at(left, side=128):
     """A wall, looked at from so many pixels on."""
     y, x = torch.meshgrid(torch.arange(side), left + torch.arange(side), indexing="ij")
-    points = torch.stack((x, y, torch.zeros_like(x)), -1).double()[None]
-    up = torch.tensor((-1.0, -1.0, 0.0), dtype=torch.float64)
-    return Places(torch.ones_like(points[..., 0]), points, up, (0.0, 1.0))
+    points = torch.stack((x, y, 0 * x), -1).double()[None]
+    return Places(torch.ones(1, side, side), points, torch.tensor((-1.0, -1.0, 0.0)), (0.0, 1.0))
 
 
 @pytest.mark.parametrize("style", sorted(DRAWN.keys() - {"sketch"}))
@@ -129,12 +128,6 @@ def test_what_is_drawn_by_rules_is_at_the_same_place_in_all_views(style):
     )
     assert (first - second).abs().mean() < 0.05 < first.std()
     assert style in ("comic", "blueprint") or (moved - first).abs().mean() > 0.05
-
-
-def test_a_sketch_is_graphite_on_paper():
-    made = painted(make_editor("painter"), pictures(1), "sketch")
-    assert float((made.amax(-1) - made.amin(-1)).max()) < 0.05
-    assert float(made.min()) < 0.5 < 0.9 < float(made.max())
 
 
 def test_a_sketch_has_contours_where_depth_jumps_and_none_of_grain():

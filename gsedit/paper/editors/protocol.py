@@ -23,7 +23,7 @@ GroundTruth = Callable[[Float[Tensor, "n h w 3"]], Float[Tensor, "n h w 3"]]
 
 
 class Places(NamedTuple):
-    """Where the pixels of views are, in the unedited scene."""
+    """Places of the pixels of views, in the unedited scene."""
 
     depths: Float[Tensor, "v h w"]
     """Median depth without grain; the farthest where nothing is."""
@@ -57,7 +57,7 @@ class EditBatch:
     subject: Float[Tensor, "v h w"] | None = None
     """The probability that a pixel shows what is to be edited. None: the editor decides."""
     places: Places | None = None
-    """Where pixels are, for editors that draw by rules; None: not known."""
+    """Places of pixels, for editors that draw by rules; None: not known."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -63,12 +63,12 @@ KEPT = 0.35
 
 
 class Sight(NamedTuple):
-    """What a view shows, and where."""
+    """A view with the places of its pixels."""
 
     picture: Map
     """Colors, stretched to the scene's tones."""
     points: Map
-    """Where pixels are, see `Places`."""
+    """Places of pixels, see `Places`."""
     up: Map
     far: Map | None
     """Logarithm of the depth."""
