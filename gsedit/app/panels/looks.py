@@ -29,7 +29,7 @@ LOOKS = {
     "marble": "turn it into marble", "glass": "turn it into glass",
     "night": "make it night", "sunset": "make it sunset", "fog": "make it foggy",
     "snow": "make it snow", "autumn": "autumn", "Van Gogh": "in the style of Van Gogh",
-    "watercolor": "in the style of watercolor", "sketch": "in the style of a pencil sketch",
+    "stained glass": "in stained glass", "sketch": "in the style of a pencil sketch",
 }  # fmt: skip
 """Names of the looks that are shown, and their sentences."""
 PIXELS = 112
