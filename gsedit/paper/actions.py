@@ -15,6 +15,7 @@ from gsedit.capture.fitting.strokes import leading_views, led, stroke_steps
 from gsedit.capture.fitting.update import Target, crops_needed, update_steps
 from gsedit.errors import InputError
 from gsedit.paper.edit_views import edit_views
+from gsedit.paper.editors.painter.drawn import ON_PAPER
 from gsedit.paper.evaluate import measure_progress
 from gsedit.paper.session import Session, region_masks, seen_gaussians
 from gsedit.run.events import Event
@@ -152,7 +153,7 @@ class Solve:
                 how["weights"] = _led_views(session, start, targets)
                 how["band_penalty"] = inf  # a stroke looks the same from all sides
                 start = replace(start, sh=start.sh.clone())
-                start.sh[inside, 0 if request.draws else 1 :] = 0
+                start.sh[inside, 0 if ON_PAPER.intersection(request.rules) else 1 :] = 0
             else:
                 how["penalty"] = trusting_penalty(start, views, inside)
             solved = list(solve_colors(start, views, inside, **how))

@@ -233,16 +233,17 @@ EYES = 32
 def _places(session: Session, members: Sequence[int]) -> Places:
     """Places of the pixels of these views, at the size at which they are edited."""
     unedited, depths, points = session.unedited, list[Tensor](), list[Tensor]()
-    views = session.request.every_view
-    cameras = [views[i].camera for i in evenly_spaced(len(views), EYES)]
+    few = evenly_spaced(len(session.request.every_view), EYES)
+    cameras = [unedited.edit_camera(i) for i in few]
     eyes = torch.stack([each.center for each in cameras])
+    focal = sum(each.fx for each in cameras) / len(cameras)  # one, whatever the view's own lens
     for i, depth in zip(members, _depths(session, members)):
         camera = unedited.edit_camera(i)
         seen = torch.where(depth > 0, depth, depth.max()).clamp_min(1e-6)
         depths.append(torch.from_numpy(median_filter(seen.numpy(), 5)))
         at = camera.unproject(camera.pixel_centers(), depths[-1].double())
         away = torch.cdist(at.flatten(0, 1), eyes.to(at)).mean(-1).unflatten(0, depth.shape)
-        points.append((at - eyes.mean(0)) * (camera.fx / away)[..., None])
+        points.append((at - eyes.mean(0)) * (focal / away)[..., None])
     ups = torch.stack([-each.rotation[1] for each in cameras])
     up = ups.mean(0) + 1e-6 * ups[0]  # its own where they cancel
     return Places(torch.stack(depths), torch.stack(points), up, unedited.tones)
@@ -293,7 +294,7 @@ def batch_of(
         anchored=torch.tensor([i in anchors for i in members]),
         subject=_subject(session, [cameras[i] for i in members]),
         seed=session.progress.noise_seed,
-        places=_places(session, members) if request.draws else None,
+        places=_places(session, members) if request.rules else None,
     )
 
 

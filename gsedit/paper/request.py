@@ -108,9 +108,9 @@ class Request:
         return self.solves and paints and not tiny and self.settings.update.strokes > 0
 
     @property
-    def draws(self) -> bool:
-        """Whether the editor draws by rules: it is told places, and no color of the scene stays."""
-        return isinstance(self.editor, StylePainter) and bool(self.editor.rules)
+    def rules(self) -> tuple[str, ...]:
+        """Rules by which the editor draws, for which it is told places."""
+        return self.editor.rules if isinstance(self.editor, StylePainter) else ()
 
     @property
     def every_view(self) -> tuple[View, ...]:

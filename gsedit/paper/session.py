@@ -9,6 +9,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
 
+import numpy as np
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
@@ -100,11 +101,13 @@ class UneditedRenders:
 
     @cached_property
     def tones(self) -> tuple[float, float]:
-        """Luminance of what is darker and brighter than nearly all that a few views show."""
-        few = evenly_spaced(len(self.request.every_view), 4)
-        gray_of = torch.from_numpy(LUMINANCE).to(self.request.scene.means)
-        gray = torch.cat([(self.picture(i) @ gray_of).flatten() for i in few])
-        return float(gray.quantile(0.02)), float(gray.quantile(0.97))
+        """Luminance that nearly all that a few views show is between."""
+        shown = [self.rendering(i) for i in evenly_spaced(len(self.request.every_view), 4)]
+        seen = torch.cat([each.color.clamp(0, 1)[each.alpha > 0.5] for each in shown])
+        low, high = (
+            np.quantile(seen.double().numpy() @ LUMINANCE, (0.02, 0.97)) if len(seen) else (0, 1)
+        )
+        return float(low), float(high)
 
     def coverage(self, region: Region, i: int) -> Float[Tensor, "h w"]:
         """The region's share of each pixel of view i, in [0, 1]; kept for the last region."""

@@ -168,7 +168,7 @@ class StylePainter(Editor, Protocol):
 
     @property
     def rules(self) -> tuple[str, ...]:
-        """Rules by which it draws what is asked for: none of the scene's own colors stay."""
+        """Rules by which it draws what is asked for."""
         ...
 
     def in_styles(self, names: tuple[str, ...]) -> Editor:

@@ -79,13 +79,12 @@ def _factor(asked: Asked, text: str) -> float | None:
         return 1.5
     if remains:
         return 1 / number if number > 1 and re.search(r"\bas (?:small|short)", text) else number
-    if number < 1 and ("." in said or "/" in said) and not said.startswith("by "):
+    near = re.search(rf"\bby (?:like|about|maybe|say|around) {re.escape(said)}", text)
+    if number < 1 and ("." in said or "/" in said) and not (near or said.startswith("by ")):
         return number
-    if number < 1 and re.search(rf"\bby (?:like|about|maybe|say|around) {re.escape(said)}", text):
-        return 1 + sign * number
     if number < 1:
         told = asked.after.lower().endswith(("er", "again", "off", "less"))
-        added = told or said.startswith("by") or sign > 0
+        added = told or near or said.startswith("by") or sign > 0
         return 1 + sign * number if added else number
     return 1 / number if sign < 0 else number
 

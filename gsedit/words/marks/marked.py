@@ -353,11 +353,6 @@ def _counted(
         if found.end() <= back or any(a < found.end() and found.start() < b for a, b in marked):
             continue
         measured = [i for i, each in enumerate(asked) if each.deed in MEASURED]
-        old = [i for i in measured if 0 < text.lower().find(asked[i].amount or "|") < back]
-        if old and found[0][:1].isdigit() and len(text[back : found.start()].split()) < 3:  # no, 20
-            amount = re.sub(r"\d+(?:[.,]\d+)?", found[0], asked[old[-1]].amount)
-            asked = [replace(e, amount=amount) if i == old[-1] else e for i, e in enumerate(asked)]
-            continue
         free = [i for i in measured if not asked[i].amount]
         if found[0].isdigit() and not measured:
             continue

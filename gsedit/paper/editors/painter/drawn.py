@@ -1,5 +1,5 @@
-"""Styles that are drawn by rules, by what a view shows and by where it is in space: so all views
-agree. Their sizes are in pixels of the views that are drawn.
+"""Styles that are drawn by rules. Panes, dabs, cuts and the grain of charcoal have their places in
+space, so that views agree on them; hatching has not. Sizes are in pixels at the mean distance.
 
 A picture of `h w` pixels is float64 in [0, 1] here; a map is one number a pixel.
 """
@@ -122,8 +122,7 @@ def charcoaled(sight: Sight) -> Map:
     tone = sight.picture @ LUMINANCE
     grain = noise(torch.from_numpy(sight.points.reshape(-1, 3) / 3)).numpy()
     soft = _soft(tone) - 0.1 * grain.reshape(tone.shape)
-    shade = expit((0.4 - soft) / 0.13)
-    ink = np.maximum(0.9 * shade, _lines(tone, sight.far, WIDE))
+    ink = np.maximum(0.9 * expit((0.4 - soft) / 0.13), _lines(tone, sight.far, WIDE))
     return (PAPER + (GRAPHITE - PAPER) * ink)[..., None].repeat(3, -1)
 
 
@@ -174,6 +173,8 @@ DRAWN: dict[str, Callable[[Sight], Map]] = {
     "blueprint": planned,
 }
 """Styles that no network paints, by name."""
+ON_PAPER = {"sketch", "charcoal drawing", "woodcut", "blueprint"}
+"""Those of which no color of the scene stays."""
 
 
 def _lines(tone: Map, far: Map | None, wide: float = 1.0) -> Map:

@@ -109,10 +109,10 @@ class Painter:
         self, originals: Float[Tensor, "v h w 3"], places: Places | None = None
     ) -> Float[Tensor, "v h w 3"]:
         """Pictures in the styles that are asked for, at full strength."""
-        made = painted(self.network, originals, self.asked) if self.asked else originals
-        for rule in self.rules:
-            made = drawn(rule, made, places)
-        return made
+        made = [painted(self.network, originals, self.asked)] if self.asked else []
+        return torch.stack([*made, *(drawn(each, originals, places) for each in self.rules)]).mean(
+            0
+        )
 
     @torch.no_grad()
     def edit(
