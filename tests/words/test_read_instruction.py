@@ -274,7 +274,8 @@ def test_each_thing_has_its_own_look():
         "make everything black and white except the blue", "remove all of it",
         "make the shadows on the wall longer", "plus one stop. Scratch that, minus one",
         "Brighter. No, not so bright, just a shade.", "no change color, only change light to night",
-        "can you unpaint the lips?", "background more blurry, dinosaur sharp",
+        "can you unpaint the lips?", "background more blurry, dinosaur sharp", "no sketch",
+        "keep it bright and remove the rest", "it is -5 degrees outside, make it winter",
     ],
 )  # fmt: skip
 def test_a_turn_of_phrase_is_never_read_for_what_its_words_name(sentence):
