@@ -14,7 +14,7 @@ LONGEST_FUNCTION = 40
 """Lines, the docstring not counted."""
 MOST = {
     "product": (("gsedit", "cli", "rasterizer"), 64_941, 367),
-    "tests": (("tests",), 30_817, 284),
+    "tests": (("tests",), 30_821, 284),
     "examples": (("examples",), 5_449, 41),
 }
 """Lines and files of Python of the whole house: whoever wants a line finds one to give. These

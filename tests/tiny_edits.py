@@ -14,7 +14,7 @@ from gsedit.bench.synthetic import demo_scene, ring_cameras, surface_gaussians
 from gsedit.capture.fitting.settings import UpdateSettings
 from gsedit.paper.actions import Strategy
 from gsedit.paper.diffusion.settings import SamplerSettings
-from gsedit.paper.editors import Capabilities, EditBatch, EditProgress, make_editor
+from gsedit.paper.editors import EditBatch, EditProgress, make_editor
 from gsedit.paper.editors.protocol import Editor
 from gsedit.views.dataset import capture
 from rasterizer import Gaussians
@@ -57,20 +57,10 @@ class Watched:
     inner: Editor = field(default_factory=lambda: make_editor("closed-form"))
     asked: list[tuple[EditBatch, SamplerSettings]] = field(default_factory=list)
 
-    @property
-    def name(self) -> str:
-        return self.inner.name
-
-    @property
-    def cell(self) -> int:
-        return self.inner.cell
-
-    @property
-    def capabilities(self) -> Capabilities:
-        return self.inner.capabilities
-
-    def check(self, prompt: str) -> None:
-        self.inner.check(prompt)
+    name = property(lambda self: self.inner.name)
+    cell = property(lambda self: self.inner.cell)
+    capabilities = property(lambda self: self.inner.capabilities)
+    check = property(lambda self: self.inner.check)
 
     def edit(
         self, batch: EditBatch, settings: SamplerSettings, generator: torch.Generator

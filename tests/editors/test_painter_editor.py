@@ -1,6 +1,7 @@
 """The painter as an editor: strength, colors, pictures as styles, strokes."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 import tiny_edits
@@ -10,11 +11,13 @@ from PIL import Image
 import gsedit
 from gsedit import EditSettings
 from gsedit.errors import UsageError
+from gsedit.paper import edit_views, session
 from gsedit.paper.diffusion.settings import SamplerSettings
 from gsedit.paper.editors import EditBatch, make_editor
 from gsedit.paper.editors.painter.drawn import DRAWN, drawn
 from gsedit.paper.editors.protocol import Places
 from gsedit.scene.color_space import LUMINANCE
+from gsedit.views.dataset import View
 from gsedit.words.lexicon import LIKE
 from rasterizer.render import render
 
@@ -51,8 +54,7 @@ def test_a_view_is_painted_alike_in_any_batch_and_precision():
 def test_a_picture_of_one_color_noise_and_a_strip_are_painted_in_range(style):
     for picture in (torch.zeros(1, 16, 16, 3), pictures(1).round(), pictures(1, 1000)[:, :16]):
         made = painted(make_editor("painter"), picture, style)
-        assert made.shape == picture.shape
-        assert ((made >= 0) & (made <= 1)).all()  # which what is not finite is not
+        close(made, made.clamp(0, 1).reshape(picture.shape), 0)  # which what is not finite is not
 
 
 def test_strength_leads_from_the_picture_to_the_painting():
@@ -117,6 +119,18 @@ def places_at(left, side=128):
     y, x = torch.meshgrid(torch.arange(side), left + torch.arange(side), indexing="ij")
     points = torch.stack((x, y, 0 * x), -1).double()[None]
     return Places(torch.ones(1, side, side), points, torch.tensor((-1.0, -1.0, 0.0)), (0.0, 1.0))
+
+
+def test_places_are_by_one_lens_and_tones_by_what_is_there():
+    camera = tiny_edits.data().views[0].camera
+    wide = replace(camera, fx=1.5 * camera.fx, fy=1.5 * camera.fy)
+    views = [View("", each, torch.zeros(48, 48, 3)) for each in (camera, wide)]
+    request = SimpleNamespace(scene=tiny_edits.scene(), every_view=views, settings=EditSettings())
+    seen = object.__new__(session.Session)
+    vars(seen).update(request=request, unedited=session.UneditedRenders(request))
+    assert seen.unedited.tones[0] > 0.1  # black where nothing is does not count
+    at, other = edit_views._places(seen, (0, 1)).points[:, 24, 24]
+    assert (at - other).norm() < 1.0 < 0.1 * at.norm()
 
 
 @pytest.mark.parametrize("style", sorted(DRAWN.keys() - {"sketch"}))
