@@ -393,9 +393,8 @@ def _mixed(matrix: np.ndarray, offset: np.ndarray, share: float) -> Affine:
 
 def _tint(share: float, color: str) -> Affine:
     """Mix colors with their luma in the color, which keeps the luma of gray."""
-    weights = LUMINANCE / LUMINANCE.sum()
     target = np.maximum(parse_hex(color), 1 / 255)
-    return _mixed(np.outer(target / (weights @ target), weights), np.zeros(3), share)
+    return _mixed(np.outer(target / (LUMINANCE @ target), LUMINANCE), np.zeros(3), share)
 
 
 TONES: dict[str, tuple[Callable[[float], Affine], float, float]] = {

@@ -15,7 +15,7 @@ XYZ_OF_RGB = np.array(
 )
 """Linear light of the sRGB primaries (IEC 61966-2-1) as CIE XYZ, white D65."""
 LUMINANCE = XYZ_OF_RGB[1]
-"""Weights of linear red, green and blue (Rec. 709)."""
+"""Weights of linear red, green and blue (Rec. 709); their sum is 1."""
 WHITE = XYZ_OF_RGB.sum(1)
 """XYZ of RGB (1, 1, 1): its Lab is (100, 0, 0)."""
 KNEE = 6 / 29

@@ -150,7 +150,7 @@ class Grade:
     def affine(self) -> Affine:
         """All but the curve."""
         gains = self._gains() ** (1 / GAMMA)
-        luma = np.broadcast_to(LUMINANCE / LUMINANCE.sum(), (3, 3))
+        luma = np.broadcast_to(LUMINANCE, (3, 3))
         greyed = self.saturation * np.eye(3) + (1 - self.saturation) * luma
         zero, offset = np.zeros(3), np.full(3, GREY * (1 - self.contrast))
         lit = Affine(np.diag(gains), zero).then(Affine(self.contrast * np.eye(3), offset))

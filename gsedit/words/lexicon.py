@@ -63,6 +63,7 @@ def things(kind: str) -> dict[str, str]:
     return {phrase: value for _, value, phrases in rows for phrase in phrases}
 
 
+@lru_cache
 def patterns(kind: str) -> list[tuple[str, str]]:
     """(value, pattern) of each row of a kind of patterns in `things.txt`."""
     return [(value, told) for row, value, told in lines_of(THINGS) if row == kind]

@@ -221,10 +221,9 @@ class ColorChange:
         """The scene with its colors changed, from every direction alike."""
         sh = scene.sh.detach().double()
         color = sh_to_color(sh[:, :1])
-        weights = torch.from_numpy(LUMINANCE / LUMINANCE.sum())
 
         def muted(values: Float[Tensor, "n k 3"]) -> Float[Tensor, "n k 3"]:
-            gray = (values * weights).sum(-1, keepdim=True)
+            gray = (values * torch.from_numpy(LUMINANCE)).sum(-1, keepdim=True)
             return gray + self.saturation * (values - gray)
 
         clear = (1 - self.veil)[:, None, None]
@@ -269,7 +268,7 @@ def exposure(found: Survey, scene: Gaussians, ratio: Vectors) -> float:
     """
     linear = sh_to_color(scene.sh[:, 0].detach().double()).clamp(0, 1) ** GAMMA
     seen = found.seen / found.seen.sum().clamp_min(1e-12)
-    weights = torch.from_numpy(LUMINANCE / LUMINANCE.sum())
+    weights = torch.from_numpy(LUMINANCE)
     before, mean = (float(seen @ (each @ weights)) for each in (linear, linear * ratio))
     return max(1.0, min(before, MIDDLE) / max(mean, 1e-6)) ** ADAPTED
 
@@ -397,7 +396,7 @@ def sky_share(scene: Gaussians, place: Place, trust: Float[Tensor, " n"]) -> Flo
     away = scene.means.detach().double() - place.center
     rise = away @ place.up / away.norm(dim=-1).clamp_min(1e-12)
     color = sh_to_color(scene.sh[:, 0].detach().double())
-    luma = color @ torch.from_numpy(LUMINANCE / LUMINANCE.sum())
+    luma = color @ torch.from_numpy(LUMINANCE)
     cold = color[:, 2] >= 0.9 * color[:, 0]
     return step(rise, *SKY_RISE) * step(luma, *SKY_BRIGHT) * (1 - trust) * cold
 

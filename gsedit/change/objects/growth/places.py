@@ -152,7 +152,7 @@ class Spots:
 
     def _in(self, sun: Sun, even: Float[Tensor, " m"]) -> Float[Tensor, " m"]:
         """Light of a sun and of an even sky, 1 where it is level and open."""
-        strength = float(sun.strength @ torch.from_numpy(LUMINANCE / LUMINANCE.sum()))
+        strength = float(sun.strength @ torch.from_numpy(LUMINANCE))
         body = self.site.setting.scene[self.site.rows]
         hidden = shadow_of(body, self.points, sun.direction)
         direct = (self.normals @ sun.direction).clamp_min(0) * (1 - hidden)

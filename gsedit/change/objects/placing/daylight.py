@@ -93,7 +93,7 @@ class _Ground:
     @property
     def dark(self) -> Float[Tensor, " m"]:
         """Minus the logarithm of the luminance, without the darkest and brightest points."""
-        luminance = self.light @ torch.from_numpy(LUMINANCE / LUMINANCE.sum())
+        luminance = self.light @ torch.from_numpy(LUMINANCE)
         dark = -luminance.clamp_min(1e-3).log()
         low, high = dark.quantile(dark.new_tensor((0.02, 0.98))).tolist()
         return dark.clamp(low, high)

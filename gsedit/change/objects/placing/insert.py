@@ -177,7 +177,7 @@ def balanced(
 
 def gain(ours: Float[Tensor, "3"], theirs: Float[Tensor, "3"]) -> Float[Tensor, "3"]:
     """Linear factors a channel that take an object from one light to another, bounded."""
-    weights = torch.from_numpy(LUMINANCE / LUMINANCE.sum())
+    weights = torch.from_numpy(LUMINANCE)
     bright = ((ours @ weights) / (theirs @ weights)).clamp_min(1e-3) ** TRUSTED
     tint = (ours / (ours @ weights)) / (theirs / (theirs @ weights))
     tint = (tint.clamp_min(1e-3) ** TRUSTED).clamp(*TINTED)

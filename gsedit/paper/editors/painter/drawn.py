@@ -101,7 +101,8 @@ def penciled(sight: Sight) -> Map:
     tone, pale = sight.picture @ LUMINANCE, 1.0
     if sight.far is not None:
         pale = np.exp(2 * (np.quantile(sight.far, 0.3) - sight.far) + 0.5).clip(0.25, 1)
-    calm = tone + (_busy(tone) - 0.7).clip(0, 1) * (gaussian_filter(_even(tone, 2), 12) - tone)
+    even = _even(tone, 2)
+    calm = tone + (_busy(even) - 0.7).clip(0, 1) * (gaussian_filter(even, 12) - tone)
     left = (1 - _lines(tone, sight.far) * np.sqrt(pale)) * (1 - pale * _hatching(calm))
     return (GRAPHITE + (PAPER - GRAPHITE) * left)[..., None].repeat(3, -1)
 
@@ -179,7 +180,8 @@ ON_PAPER = {"sketch", "charcoal drawing", "woodcut", "blueprint"}
 
 def _lines(tone: Map, far: Map | None, wide: float = 1.0) -> Map:
     """Lines on the dark side of edges and the near side of jumps in depth, in [0, 1]."""
-    even, busy = _even(tone, 2), _busy(tone)
+    even = _even(tone, 2)
+    busy = _busy(even)
     sizes = [wide * each for each in LINES]
     edges = (gaussian_filter(even, 1.6 * size) - gaussian_filter(even, size) for size in sizes)
     line = np.max([_long(each / (EDGE * busy.clip(1))) for each in edges], 0)
@@ -187,9 +189,8 @@ def _lines(tone: Map, far: Map | None, wide: float = 1.0) -> Map:
     return np.maximum(line, jumps)
 
 
-def _busy(tone: Map) -> Map:
-    """How many edges there are, from 1 on too many."""
-    even = _even(tone, 2)
+def _busy(even: Map) -> Map:
+    """How many edges a tone without grain has, from 1 on too many."""
     return gaussian_filter(np.abs(gaussian_filter(even, 1.6) - even), 8) / BUSY
 
 
